@@ -4,14 +4,16 @@ use std::f32::consts::FRAC_PI_2;
 
 use crate::protocol::{EnvironmentProperties, Refusal, Vehicle, Velocity};
 
-/// A jump may take an avatar as far as it could have moved since its last one, but no more than in this time, seconds.
+/// The time whose travel at top speed is the longest jump, seconds. A jump may take an avatar as far as it
+/// could have moved since its last jump, up to that length.
 const JUMP_S: f32 = 1.0;
 
 /// The speeds, spins and jumps that a world lets clients ask of their avatars.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AvatarLimits {
     speed_m_s: f32,
-    /// A quarter of a turn per tick: beyond half a turn nobody can tell which way a body spins.
+    /// The largest spin: a quarter of a turn per tick. Beyond half a turn per tick the direction of a spin
+    /// cannot be told.
     spin_rad_s: f32,
     dt_s: f32,
 }
@@ -22,7 +24,7 @@ impl AvatarLimits {
         Self { speed_m_s: world.avatar_speed_limit, spin_rad_s: FRAC_PI_2 / dt_s, dt_s }
     }
 
-    /// Checks a wanted velocity.
+    /// Checks a wanted velocity against the limits of speed and spin.
     pub(super) fn allow(&self, velocity: &Velocity) -> Result<(), Refusal> {
         let is_within = |v: &[f32; 3], limit: f32| v.iter().map(|v| v * v).sum::<f32>() <= limit * limit;
         let fits =
@@ -30,18 +32,18 @@ impl AvatarLimits {
         if fits { Ok(()) } else { Err(Refusal::TooFast) }
     }
 
-    /// Returns whether the engine of a vehicle makes it no faster than avatars may be.
+    /// Returns whether the top speed of a vehicle's engine is within the limit for avatars.
     pub(super) fn allow_vehicle(&self, vehicle: &Vehicle) -> bool {
         vehicle.top_speed_m_s <= self.speed_m_s
     }
 
-    /// Returns how far an avatar may jump that could jump `left_m` metres this many ticks ago.
+    /// Returns how far an avatar may jump now, metres, if it could jump `left_m` metres this many ticks ago.
     pub(super) fn reach_m(&self, left_m: f64, ticks: u64) -> f64 {
         let earned_m = f64::from(self.speed_m_s * self.dt_s) * ticks as f64;
         (left_m + earned_m).min(self.longest_jump_m())
     }
 
-    /// Returns how far an avatar may jump that did not for a while, metres.
+    /// Returns how far an avatar may jump that has not jumped for a while, metres.
     pub(super) fn longest_jump_m(&self) -> f64 {
         f64::from(self.speed_m_s * JUMP_S)
     }

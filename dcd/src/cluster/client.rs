@@ -1,5 +1,5 @@
-//! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the leader, and keeps its
-//! copy of the world up to date.
+//! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the
+//! leader, and keeps its copy of the world up to date.
 
 mod body_view;
 mod building;
@@ -40,13 +40,13 @@ use crate::protocol::{
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, NodeId, Tick};
 
-/// The most contacts, and handovers, kept for a user who does not fetch them; the oldest go first.
+/// The most contacts, and handovers, kept for a user who does not fetch them. The oldest go first.
 const MAX_EVENTS: usize = 4_096;
 
 /// The time between attempts to dial the server, or a leader that cannot be reached.
 const AGAIN: Duration = Duration::from_millis(250);
 
-/// The time after which an unanswered question is asked again, of whoever leads by then.
+/// The time after which an unanswered query is asked again, of whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
 
 /// An event for a client: a message, a link, or a request of its user.
@@ -58,51 +58,51 @@ pub enum ClientEvent {
     Disconnected(Peer),
     /// A decoded message.
     Message {
-        /// Over which link.
+        /// The link that it came over.
         from: Peer,
-        /// What it says.
+        /// The message.
         message: Message,
     },
     /// A message of the leader, through the node in the same process.
     Node(ToClient),
     /// The user wants a new avatar.
     Spawn {
-        /// Its id is one of this client's.
+        /// The avatar. Its id is one of this client's.
         body: BodyRecord,
         /// The shapes of its colliders.
         shapes: Vec<ShapeRecord>,
     },
     /// The user moves an avatar.
     Input {
-        /// Which.
+        /// The avatar.
         body: BodyId,
         /// The tick that is to apply it, by [`Client::name_tick`]; 0: the next one.
         tick: Tick,
-        /// Wanted velocity.
+        /// The wanted velocity.
         velocity: Velocity,
-        /// Wanted pose, for a jump.
+        /// The wanted pose, for a jump.
         pose: Option<WorldPose>,
     },
     /// The user drives a vehicle.
     Drive {
-        /// Which.
+        /// The vehicle.
         body: BodyId,
         /// The tick that is to apply it, by [`Client::name_tick`]; 0: the next one.
         tick: Tick,
         /// Its controls from now on.
         drive: Drive,
     },
-    /// An avatar is to go for good.
+    /// The user removes an avatar for good.
     Despawn(BodyId),
     /// The user, who may build, changes the world, in this order.
     Build(Vec<BuildOp>),
-    /// The user asks about bodies; the question's number is unlike those of questions before.
+    /// The user asks a query about bodies. Its number is unlike those of queries before.
     Ask(Query),
-    /// The user does not want the answer any more.
+    /// The user does not want the answer to the query of this number any more.
     Forget(u64),
-    /// The user sets the area of interest, or wants to hear of all bodies.
+    /// The user sets the area of interest; `None`: the user wants to hear of all bodies.
     Interest(Option<Area>),
-    /// The user limits what it is sent of bodies, to so many bytes a second; 0: as many as the link carries.
+    /// The user limits how much is sent of bodies, in bytes per second; 0: as much as the link carries.
     Bandwidth(u32),
     /// The user leaves.
     Leave,
@@ -111,20 +111,22 @@ pub enum ClientEvent {
 /// An action that a client wants done, or an event for its user.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientOutput {
-    /// Send this.
+    /// Send this message.
     Send {
-        /// Over which link.
+        /// The link to send it over.
         to: Peer,
-        /// What.
+        /// The message.
         message: Message,
     },
-    /// Make a link to the server, and answer with [`ClientEvent::Connected`] or [`ClientEvent::Disconnected`].
+    /// Make a link to the server, and answer with [`ClientEvent::Connected`] or
+    /// [`ClientEvent::Disconnected`].
     Redial,
-    /// Make a link to the leader, and answer with [`ClientEvent::Connected`] or [`ClientEvent::Disconnected`].
+    /// Make a link to the leader, and answer with [`ClientEvent::Connected`] or
+    /// [`ClientEvent::Disconnected`].
     Connect(Member),
     /// Close the link to a former leader.
     Disconnect(NodeId),
-    /// Give this to the node in the same process.
+    /// Give this message to the node in the same process.
     Node(FromClient),
     /// The whole world has arrived.
     Joined,
@@ -134,12 +136,12 @@ pub enum ClientOutput {
     Removed(BodyId),
     /// An input, or another request, was refused.
     Rejected {
-        /// Concerning which body.
+        /// The body that it concerned.
         body: Option<BodyId>,
         /// Why.
         reason: Refusal,
     },
-    /// The server is gone; it is dialled again and again.
+    /// The server is gone. It is dialled again and again.
     Lost,
 }
 
@@ -152,22 +154,21 @@ pub struct Client {
     world: Option<EnvironmentProperties>,
     joined: bool,
     bodies: BTreeMap<BodyId, BodyView>,
-    /// Bodies that changed since they were last taken; `None`: any may have.
+    /// The bodies that changed since they were last taken; `None`: any may have.
     changed: Option<BTreeSet<BodyId>>,
     /// Bodies and shapes that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
     unspoken_shapes: BTreeSet<ShapeHash>,
-    /// The newest tick of its group heard of, and the newest that is no guess.
+    /// The newest tick of its group heard of, and the newest that is not speculative.
     tick: Tick,
     settled: Tick,
-    /// Whether its leader, or the link to it, is new, and has told nothing yet that is no guess.
+    /// Whether its leader, or the link to it, is new, and has told nothing yet that is not speculative.
     is_leader_new: bool,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Joints,
     group: Option<GroupId>,
     leader: Option<Member>,
-    /// The node that computes each region, as far as known.
-    /// The regions as last heard of, and who computes them.
+    /// How the world is cut into regions, and the node that computes each, as far as known.
     tree: Option<DistributionTree>,
     allocation: Allocation,
     linked: bool,
@@ -176,31 +177,32 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// It has said who it is, and was not welcomed yet.
+    /// Whether it has greeted the server, and was not welcomed yet.
     greeted: bool,
-    /// Its link to the server is new, and what went down with the one before was not said again.
+    /// Whether its link to the server is new, and what may be lost with the link before was not sent again.
     relinked: bool,
-    /// It has had a whole world, so that what it is told of since has appeared.
+    /// Whether it has had a whole world, so that bodies that it is told of since have appeared.
     has_arrived: bool,
-    /// The world that it is being told replaces the one that it knew; and how often that was so before.
+    /// Whether the world that it is being told replaces the one that it knew; and how often one did before.
     replaced: bool,
     replacements: u64,
     newest: NewestInputs,
-    /// What it was told of bodies, which later states are told against.
+    /// The states that it was told of bodies, to which later states refer.
     receiver: Receiver,
-    /// The most bytes that it wants to be sent in a second; 0: as many as the link carries.
+    /// The most bytes per second that it wants to be sent; 0: as many as the link carries.
     bytes_per_s: u32,
-    /// While its user shows the world.
+    /// The state of playback, while its user shows the world.
     showing: Option<Box<Showing>>,
     vigil: Vigil,
-    /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
+    /// Queries without an answer, by number, each with when it is asked again; and answers that are not
+    /// fetched yet.
     asked: BTreeMap<u64, (Query, Duration)>,
     answers: BTreeMap<u64, QueryResult>,
     /// Its area of interest, as sent to the leader; `None` is everything.
     area: Option<Area>,
     surroundings: Surroundings,
     now: Duration,
-    /// Requests that the server has not answered yet, in order: sent again when it is back.
+    /// Requests that the server has not answered yet, in order. They are sent again when it is back.
     unanswered: Vec<FromClient>,
     building: Building,
     touches: VecDeque<(Tick, Touch)>,
@@ -210,8 +212,9 @@ pub struct Client {
 }
 
 impl Client {
-    /// Returns a client without links; `node` is the node in the same process, if there is one. With an area of interest it is told
-    /// of the world's part there alone. The first event is [`ClientEvent::Connected`] with [`Peer::Server`].
+    /// Returns a client without links. `node` is the node in the same process, if there is one. With an area
+    /// of interest it is told only of the world's part there. The first event is [`ClientEvent::Connected`]
+    /// with [`Peer::Server`].
     pub fn new(id: ClientId, node: Option<NodeId>, area: Option<Area>) -> Self {
         Self {
             id,
@@ -261,7 +264,7 @@ impl Client {
         }
     }
 
-    /// Takes an event in; [`Client::poll_output`] tells what follows from it.
+    /// Takes an event in. [`Client::poll_output`] returns what follows from it.
     pub fn handle(&mut self, now: Duration, event: ClientEvent) {
         self.now = now;
         match event {
@@ -292,7 +295,7 @@ impl Client {
                 }
                 self.dial_server_at = Some(now + AGAIN);
             }
-            // The server may name a new leader; until then the newest input of each avatar waits.
+            // The server may name a new leader. Until then the newest input of each avatar waits.
             ClientEvent::Disconnected(peer) if self.is_leader(peer) => {
                 self.linked = false;
                 self.dial_leader_at = Some(now + AGAIN);
@@ -346,7 +349,7 @@ impl Client {
         }
     }
 
-    /// Does what is due; to be called at [`Client::poll_timeout`].
+    /// Does what is due. Call it at [`Client::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         if self.dial_server_at.take_if(|at| *at <= now).is_some() {
             self.outputs.push_back(ClientOutput::Redial);
@@ -374,7 +377,7 @@ impl Client {
         self.tend_relay(now);
     }
 
-    /// Returns when [`Client::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Client::handle_timeout`] is next due. Ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let ask = self.asked.values().map(|&(_, at)| at).min();
         let ping = self.showing.as_ref().and_then(|showing| showing.timeout());
@@ -402,8 +405,8 @@ impl Client {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
 
-    /// Asks the questions that are due by then once more, or for the first time: before there is a link to the leader, nobody
-    /// can be asked.
+    /// Asks the queries that are due by then once more, or for the first time: before there is a link to the
+    /// leader, nobody can be asked.
     fn ask_again(&mut self, now: Duration, due_by: Duration) {
         let mut again = Vec::new();
         for (question, at) in self.asked.values_mut().filter(|(_, at)| *at <= due_by) {
@@ -422,7 +425,8 @@ impl Client {
                 self.world = Some(world);
                 self.joined = false;
                 if !std::mem::take(&mut self.greeted) {
-                    // The world is another, on a link that lost nothing: what was asked of the one before is not meant for it.
+                    // The server sends another world over a link that lost nothing: requests to the world
+                    // before are not meant for it.
                     self.newest.clear();
                     self.building.clear();
                     self.replaced = true;
@@ -451,14 +455,15 @@ impl Client {
                     self.bodies.remove(&id);
                     self.note_change(id);
                     self.forget(id);
-                    // What it asked to have removed is: that is told once.
+                    // What it asked to have removed is gone: the user is told so once.
                     self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
                 let unspoken = std::mem::take(&mut self.unspoken_shapes);
                 self.forget_shapes(&unspoken);
                 self.replacements += u64::from(std::mem::take(&mut self.replaced));
-                // Over a link that lost nothing, what was asked of another world is not meant for this one.
+                // Only over a new link may requests be lost. Those to a replaced world are not meant for this
+                // one.
                 if std::mem::take(&mut self.relinked) {
                     self.say_again();
                 }
@@ -471,7 +476,7 @@ impl Client {
             ToClient::LeaderIs { group, leader, tree, allocation, .. } => {
                 (self.tree, self.allocation) = (tree.or(self.tree.take()), allocation);
                 if self.group.replace(group) != Some(group) {
-                    // Another lineage of epochs and owners: whatever it says first counts.
+                    // Another group has its own epochs and owners: whatever it says first counts.
                     (self.tick, self.settled) = (Tick(0), Tick(0));
                     self.receiver.reset();
                     self.showing.iter_mut().for_each(|showing| showing.recount());
@@ -481,7 +486,7 @@ impl Client {
                     self.changed = None;
                 }
                 self.follow(leader);
-                // What the last leader had taken in and not passed on is gone with it.
+                // What the last leader had taken in and not passed on is lost with it.
                 if self.linked || self.node.is_some() {
                     let now = self.now;
                     self.say_inputs_again();
@@ -498,7 +503,7 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
-                // Who removes a body that is on its way out, or away, has all told once more.
+                // A client that removes a body that is on its way out, or away, is told everything once more.
                 let is_news = self.answered(id, None) | self.bodies.remove(&id).is_some();
                 self.newest.forget(id);
                 self.note_change(id);
@@ -531,7 +536,7 @@ impl Client {
                 let mut strangers = Vec::new();
                 for state in states {
                     let outside = !hearing.follows(state.id, &state.pose);
-                    // Nobody would take a speculative state back there.
+                    // Nothing would correct a speculative state outside the area.
                     if stamp.speculative && outside {
                         continue;
                     }
@@ -558,11 +563,11 @@ impl Client {
                 }
             }
             ToClient::CompactStates { stamp, part } => {
-                // Another group's states are told in a series of their own.
+                // Another group's states come in a series of their own.
                 if self.group.is_some_and(|own| own != stamp.group) {
                     return;
                 }
-                // Of a part that cannot be read nothing is believed; the next ones are told against nothing.
+                // Nothing is believed of a part that cannot be read. The next parts refer to nothing.
                 let read = self.receiver.take_in(self.now, stamp.tick, &part, stamp.speculative);
                 self.note_teller(from, &part);
                 match read {
@@ -571,7 +576,7 @@ impl Client {
                     Err(error) => debug!(%error, tick = stamp.tick.0, "states cannot be read"),
                 }
             }
-            // A leader that is no longer ours.
+            // These come from a leader that is no longer ours.
             ToClient::States { .. } => {}
             ToClient::Contacts { tick, touches, forces } => {
                 keep(&mut self.touches, tick, touches);
@@ -604,10 +609,10 @@ impl Client {
         self.showing.iter_mut().for_each(|showing| showing.forget(id));
     }
 
-    /// Takes in a body of the server's record; what the leader sent before may be newer.
+    /// Takes in a body of the server's record, unless what the leader sent before is newer.
     fn know(&mut self, body: BodyRecord) {
         let is_newer = |view: &BodyView| match body.traits.kind {
-            // It is as the server says.
+            // A fixed body is as the server says.
             BodyKind::Fixed => view.body != body,
             _ => view.settled.0 < body.epoch,
         };

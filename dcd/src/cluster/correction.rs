@@ -1,26 +1,27 @@
-//! Corrects a body towards its pose in the authoritative group (inter-group correction) by its velocity, so that what is in the
-//! way is pushed and not jumped into (thesis 3.3.8 leaves the way open).
+//! Corrects a body towards its pose in the authoritative group (inter-group correction) by its velocity, so
+//! that the body pushes what is in its way and never appears inside it (thesis 3.3.8 leaves the way open).
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::protocol::{SharedState, Velocity, WorldPose};
 
-/// The time constant in which a deviation is made up for, seconds.
+/// The time constant of the correction, seconds.
 const SETTLE_S: f64 = 0.2;
-/// The largest correction that is added to a velocity, m/s and rad/s: a fast body from nowhere would hurt those in its way.
+/// The largest correction that is added to a velocity, m/s and rad/s: a faster body from nowhere would hurt
+/// what is in its way.
 const MOST: f64 = 6.0;
 
-/// Returns how far a body is from where it should be, metres.
+/// Returns the distance of a body from where it should be, metres.
 pub fn deviation_m(present: &WorldPose, target: &WorldPose) -> f64 {
     let error = |i: usize| target.translation[i] - present.translation[i];
     (0..3).map(|i| error(i).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Returns the velocity that brings a body from `present` to where `target` is by now, `lag_s` seconds after that state (dead
-/// reckoning).
+/// Returns the velocity that brings a body from `present` to where `target` is by now, `lag_s` seconds after
+/// that state (dead reckoning).
 ///
-/// Within `band_m` of the target, the body moves as the target does. Repeat the call while the deviation is larger: the error
-/// shrinks by a factor e in 0.2 s.
+/// Within `band_m` of the target, the body moves as the target does. Call it again while the deviation is
+/// larger: the error shrinks by a factor e in 0.2 s.
 pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m: f64) -> Velocity {
     let goal = target.pose.moved(&target.velocity, lag_s);
     if deviation_m(present, &goal) <= band_m {

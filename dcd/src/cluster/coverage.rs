@@ -1,62 +1,66 @@
-//! Knows which part of the world clients look at, in cells: near their areas of interest, and near their avatars.
+//! Knows which part of the world clients look at, as a set of cells: those near their areas of interest, and
+//! near their avatars.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId};
 
-/// The size of the smallest cells, metres. Those of the next level are twice as large, and so on.
+/// The size of the cells of level 0, metres. Cells of each further level are twice as large.
 const CELL_M: f64 = 8.0;
 
-/// An area is covered by cells of a level at which it is so many of them across at most.
+/// The most cells along one axis of an area: an area is covered by cells of the lowest level at which it is
+/// no more of them across.
 const ACROSS: f64 = 8.0;
 
-/// The distance beyond an area within which bodies count for a relay, metres: a client that comes from another teller is told of what may just have left its area.
+/// The distance beyond an area within which bodies count for a relay, metres. A client that another process
+/// told before is thus told of what may just have left its area.
 pub(in crate::cluster) const AROUND_M: f64 = 32.0;
 
-/// The same for what members report: what comes in between two reports is told some metres before.
+/// The same for members' reports, metres: a body that comes in between two reports is thus reported some
+/// metres before.
 const REPORTED_AROUND_M: f64 = 4.0;
 
-/// The levels of the cells that avatars are in: they and all that touch them are covered.
+/// The level of the cell around an avatar, for relays: the avatar's cell and all that touch it are covered.
 const RELAYED_AVATARS: i64 = 2;
 const REPORTED_AVATARS: i64 = 1;
 
-/// The largest radius of an area, metres: who has a larger one looks at everything.
+/// The largest radius of an area, metres. A client with a larger one counts as looking at everything.
 const MOST_M: f64 = 1_000.0;
 
-/// The most cells of all together: beyond, who comes looks at everything.
+/// The most cells that are covered in all. A client whose area has no room counts as looking at everything.
 const MOST_CELLS: usize = 1 << 20;
 
-/// A level, and the place of a cell of it, in cells along each axis.
+/// A cell: its level, and its place along x, y and z in cells of that level.
 pub(crate) type Cell = [i64; 4];
 
-/// Cells of one level from one corner to the opposite one.
+/// A block of cells of one level, by two opposite corners.
 type Block = [Cell; 2];
 
-/// Holds what clients look at.
+/// The part of the world that clients look at.
 #[derive(Clone, Debug)]
 pub(in crate::cluster) struct Coverage {
     around_m: f64,
     avatar_level: i64,
     /// Clients that look at everything.
     all: BTreeSet<ClientId>,
-    /// The cells near the areas of others, and those that their avatars are in.
+    /// The cells near the area of each other client.
     areas: BTreeMap<ClientId, Block>,
     avatars: BTreeMap<BodyId, Cell>,
-    /// In how many of these, and of what touches avatars' cells, each cell is; and how many cells of each level there are.
+    /// How many of these areas, and of the blocks around avatars, each cell is in.
     cells: BTreeMap<Cell, u32>,
     levels: BTreeMap<i64, usize>,
-    /// Cells that were in none the last time.
+    /// Cells that have come to be covered since [`Self::settle`] was last called.
     grown: BTreeSet<Cell>,
 }
 
 impl Coverage {
-    /// Returns that of a relay, with nobody looking.
+    /// Returns the coverage of a relay, with nobody looking.
     pub(in crate::cluster) fn of_relay() -> Self {
         Self::new(AROUND_M, RELAYED_AVATARS)
     }
 
-    /// Returns that of what members report.
+    /// Returns the coverage of members' reports, with nobody looking.
     pub(in crate::cluster) fn of_reports() -> Self {
         Self::new(REPORTED_AROUND_M, REPORTED_AVATARS)
     }
@@ -74,7 +78,8 @@ impl Coverage {
         }
     }
 
-    /// Notes what a client is interested in, and returns whether that is new. What is covered before and after has not grown meanwhile.
+    /// Notes a client's area of interest (`None` is everything). Returns whether that changes anything. Cells
+    /// that are covered before and after do not count as grown.
     pub(in crate::cluster) fn turn(&mut self, client: ClientId, area: Option<Area>) -> bool {
         let block = area.filter(|area| area.radius_m <= MOST_M).map(|area| self.block_around(&area));
         let has_room = |block: &Block| self.cells.len() + cells_of(*block).count() <= MOST_CELLS;
@@ -94,7 +99,7 @@ impl Coverage {
         true
     }
 
-    /// Forgets a client, and its avatars. Returns whether it was known.
+    /// Forgets a client and its avatars. Returns whether the client was known.
     pub(in crate::cluster) fn leave(&mut self, client: ClientId) -> bool {
         let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
         for avatar in self.avatars.range(own).map(|(&id, _)| id).collect::<Vec<_>>() {
@@ -105,12 +110,13 @@ impl Coverage {
         self.all.remove(&client) || area.is_some()
     }
 
-    /// Returns the cell that an avatar is in.
+    /// Returns the cell that an avatar is in, of the level for avatars.
     pub(in crate::cluster) fn cell_of(&self, avatar: &SharedState) -> Cell {
         cell_at(self.avatar_level, avatar.pose.translation)
     }
 
-    /// Notes the cell of an avatar, if its client has an area. Returns whether it was in another before.
+    /// Notes the cell of an avatar, if its client has an area. Returns whether that is another cell than
+    /// before.
     pub(in crate::cluster) fn follow(&mut self, avatar: BodyId, cell: Cell) -> bool {
         let has_area = avatar.client().is_some_and(|client| self.areas.contains_key(&client));
         if !has_area || self.avatars.get(&avatar) == Some(&cell) {
@@ -138,30 +144,31 @@ impl Coverage {
         self.areas.keys().copied()
     }
 
-    /// Returns whether somebody looks at everything.
+    /// Returns whether some client looks at everything.
     pub(in crate::cluster) fn is_all(&self) -> bool {
         !self.all.is_empty()
     }
 
-    /// Returns whether a place is near a client's area, or an avatar.
+    /// Returns whether a place is near a client's area or avatar.
     pub(in crate::cluster) fn covers(&self, at: [f64; 3]) -> bool {
         let [_, x, y, z] = cell_at(0, at);
-        // A cell is halves of one of the next level.
+        // Each cell lies in one cell of the next level.
         self.levels.keys().any(|&level| self.cells.contains_key(&[level, x >> level, y >> level, z >> level]))
     }
 
-    /// Returns whether more is covered than when it was settled last.
+    /// Returns whether any cell has come to be covered since [`Self::settle`] was last called.
     pub(in crate::cluster) fn has_grown(&self) -> bool {
         !self.grown.is_empty()
     }
 
-    /// Returns whether a place may be in what has grown.
+    /// Returns whether a place is in a cell that has come to be covered since [`Self::settle`] was last
+    /// called.
     pub(in crate::cluster) fn is_new(&self, at: [f64; 3]) -> bool {
         let [_, x, y, z] = cell_at(0, at);
         self.levels.keys().any(|&level| self.grown.contains(&[level, x >> level, y >> level, z >> level]))
     }
 
-    /// Takes what is covered for known, and returns whether it has grown since this was called last.
+    /// Marks all covered cells as known. Returns whether any has come since the last call.
     pub(in crate::cluster) fn settle(&mut self) -> bool {
         !std::mem::take(&mut self.grown).is_empty()
     }
@@ -172,7 +179,7 @@ impl Coverage {
         self.cells.is_empty() && self.avatars.is_empty() && self.areas.is_empty() && self.all.is_empty()
     }
 
-    /// Covers a block in place of another. Cells that both have are left alone.
+    /// Covers a block in place of another. Cells in both keep their counts.
     fn change(&mut self, former: Option<Block>, block: Block) {
         let is_new = |cell: &Cell| !former.is_some_and(|former| is_in(former, cell));
         for cell in cells_of(block).filter(is_new) {
@@ -202,7 +209,7 @@ impl Coverage {
         }
     }
 
-    /// Returns the cells in which bodies count that are near an area.
+    /// Returns the cells around an area in which bodies count as near it.
     fn block_around(&self, area: &Area) -> Block {
         let reach_m = 1.15 * area.radius_m + 2.0 + self.around_m;
         let level = (2.0 * reach_m / (ACROSS * CELL_M)).log2().ceil().max(0.0) as i64;
@@ -226,7 +233,7 @@ fn is_in([low, high]: Block, cell: &Cell) -> bool {
     (0..4).all(|axis| (low[axis]..=high[axis]).contains(&cell[axis]))
 }
 
-/// Returns a cell and all that touch it.
+/// Returns the block of a cell and all cells that touch it.
 fn around([level, x, y, z]: Cell) -> Block {
     let to = |by: i64| [level, x.saturating_add(by), y.saturating_add(by), z.saturating_add(by)];
     [to(-1), to(1)]

@@ -1,20 +1,21 @@
-//! Defines the server's durable storage, a key-value store of the world's entries from which it recovers after a crash, behind
-//! a trait ([`Directory`]) that fits both a file and a consensus store.
+//! Defines the server's durable storage behind a trait ([`Directory`]): a key-value store of the world's
+//! entries, from which the server recovers after a crash. The trait fits both a file and a consensus store.
 //!
-//! A directory maps [`Key`]s to bytes. A writer names the [`Revision`] at which it read what it builds on, so that of two
-//! writers one finds that it has lost. One server at a time *holds* a directory. How the trait maps:
+//! A directory maps [`Key`]s to bytes. A writer names the [`Revision`] of the entries that its write builds
+//! on, so that of two writers one finds that it has lost. One server at a time *holds* a directory. The trait
+//! maps to stores as follows:
 //!
 //! | | a file (`redb`) | a consensus store (etcd) |
 //! |---|---|---|
-//! | open | locks a file; the system lets go of it when the process dies | creates a holder's key where there is none; who finds one stands by until it is gone, or no longer renewed |
-//! | [`Directory::renew`] | nothing to do: [`Tenure::WhileOpen`] | a thread writes the holder's key again and again: [`Tenure::For`] what is left; [`DirectoryError::Deposed`] when it is another's |
-//! | [`Directory::commit`] | one write transaction | one transaction, which also compares the holder's key: `Deposed` when that is another's or gone |
+//! | open | locks a file; the system releases the lock when the process dies | creates a holder's key if there is none; a server that finds one stands by until the key is gone, or no longer renewed |
+//! | [`Directory::renew`] | nothing to do: [`Tenure::WhileOpen`] | a thread rewrites the holder's key again and again: [`Tenure::For`] what is left; [`DirectoryError::Deposed`] when the key is another server's |
+//! | [`Directory::commit`] | one write transaction | one transaction, which also compares the holder's key: `Deposed` when that is another server's or gone |
 //! | [`Revision`] | a counter in the file | a counter as well |
-//! | a [`Batch`] that is not durable | stays in memory until a durable one | as there |
-//! | a batch of any size | as it is | beyond half a megabyte in parts under new names, then one transaction that counts them |
+//! | a [`Batch`] that is not durable | stays in memory until a durable one | the same |
+//! | a batch of any size | written as it is | beyond half a megabyte written in parts under new names, then one transaction that counts them |
 //!
-//! So the only entry that vanishes unless renewed is the holder's own, and it has no key here: the implementation of the trait
-//! keeps it. A holder whose tenure ends by the clock stops sending before it does.
+//! So the only entry that vanishes unless renewed is the holder's own. It has no [`Key`]: the implementation
+//! of the trait keeps it. A holder whose tenure ends by the clock stops sending before it ends.
 
 #[cfg(test)]
 pub(crate) mod conformance;
@@ -35,7 +36,7 @@ pub use memory::MemoryDirectory;
 pub enum Key {
     /// The world as a whole: its settings, newest view number and tick.
     World,
-    /// A group: its present view and the one before.
+    /// A group: its present view and the view before.
     Group(GroupId),
     /// A body as last known.
     Body(BodyId),
@@ -43,20 +44,20 @@ pub enum Key {
     Shape(ShapeHash),
     /// A joint.
     Joint(JointId),
-    /// A joint that is gone, and that nodes may hold.
+    /// A joint that is gone, but that nodes may still hold.
     GoneJoint(JointId),
-    /// An immovable body that is gone, and that nodes may hold.
+    /// An immovable body that is gone, but that nodes may still hold.
     GoneScenery(BodyId),
     /// A body that was altered after nodes had it.
     AlteredBody(BodyId),
-    /// A joint that was.
+    /// A joint that was altered after nodes had it.
     AlteredJoint(JointId),
-    /// A body that was woken as it was altered, and that may sleep at nodes.
+    /// A body that was woken when it was altered, but that may still sleep at nodes.
     WokenBody(BodyId),
 }
 
-/// The number of a commit, growing from 1. An entry has that of the commit that wrote it. A number that was given to a batch
-/// that a crash undid is given again: its holder died with it.
+/// The number of a commit, growing from 1. An entry has the number of the commit that wrote it. A number
+/// whose batch a crash undid is given again: the holder that had it has died.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub struct Revision(pub u64);
 
@@ -71,13 +72,13 @@ pub struct Entry {
     pub value: Vec<u8>,
 }
 
-/// An atomic batch of writes: they happen together or not at all.
+/// An atomic batch of writes: all happen, or none.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Batch {
-    /// New values in order; `None` removes the entry, if there is one.
+    /// New values, in order; `None` removes the entry, if there is one.
     pub writes: Vec<(Key, Option<Vec<u8>>)>,
-    /// Whether it and all batches before it survive a crash of the machine once it is committed. Otherwise a crash may undo it,
-    /// and with it all batches after it.
+    /// Whether the batch and all batches before it survive a crash of the machine once it is committed.
+    /// Otherwise a crash may undo the batch and all batches after it.
     pub durable: bool,
 }
 
@@ -86,16 +87,16 @@ pub struct Batch {
 pub struct Condition {
     /// The key of the entry.
     pub key: Key,
-    /// The revision that it must have; `None`: there must be no such entry.
+    /// The revision that the entry must have; `None`: there must be no such entry.
     pub at: Option<Revision>,
 }
 
 /// The time for which the holder of a directory is its only one (its lease).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tenure {
-    /// As long as it has the directory open.
+    /// As long as the holder has the directory open.
     WhileOpen,
-    /// For so long from now, unless it is renewed.
+    /// For this long from now, unless renewed.
     For(Duration),
 }
 
@@ -104,87 +105,87 @@ pub trait Directory: Send {
     /// Returns all entries in the order of their keys.
     fn load(&mut self) -> Result<Vec<Entry>, DirectoryError>;
 
-    /// Writes all of the batch if all conditions hold, otherwise nothing. A batch without writes that is durable makes those
-    /// before it durable.
+    /// Writes the whole batch if all conditions hold, otherwise nothing. A durable batch without writes makes
+    /// the batches before it durable.
     ///
-    /// After [`DirectoryError::Changed`] nothing is written. After any other error it is unknown whether it was: open the
-    /// directory anew.
+    /// After [`DirectoryError::Changed`] nothing was written. After any other error it is unknown whether the
+    /// batch was written: open the directory anew.
     fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError>;
 
-    /// Makes sure of the hold on the directory. To be called before anything is done that only its holder may do. Waits where that is not
-    /// known, as after a stop of the process.
+    /// Confirms the hold on the directory. Call it before anything that only the holder may do. Waits while
+    /// the hold is in doubt, as after a stop of the process.
     fn renew(&mut self) -> Result<Tenure, DirectoryError>;
 }
 
 /// An error of opening, reading or writing a directory.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DirectoryError {
-    /// The race is lost: somebody else wrote first.
+    /// Another server wrote first.
     #[error(
         "{key} is {} in the directory and should be {}: another server writes there too; stop one of them, and start this one again",
         at(*.found), at(*.expected)
     )]
     Changed {
-        /// The entry of the first condition that does not hold.
+        /// The key of the first condition that does not hold.
         key: Key,
-        /// What the condition says.
+        /// The revision that the condition names.
         expected: Option<Revision>,
-        /// What is there.
+        /// The revision that the entry has.
         found: Option<Revision>,
     },
-    /// The race is lost: somebody else holds the directory.
+    /// Another server holds the directory.
     #[error("another server keeps its world in {place}; stop it or choose another place")]
     Taken {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
     },
-    /// The hold is lost: somebody else has taken the directory over.
+    /// The hold is lost: another server has taken the directory over.
     #[error(
         "another server has taken over the world in {place}, since this one was out of reach for too long; start it again, and it stands by"
     )]
     Deposed {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
     },
-    /// It cannot be written. What was committed durably stays.
+    /// The directory cannot be written. What was committed durably stays.
     #[error(
         "cannot write to {place}: {cause}; see to that and start again: the world goes on from the last durable write"
     )]
     Unwritable {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
         /// What the system said.
         cause: String,
     },
-    /// It cannot be opened or read.
+    /// The directory cannot be opened or read.
     #[error("cannot use {place}: {cause}; check that it exists and that this user may read and write it")]
     Unreadable {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
         /// What the system said.
         cause: String,
     },
-    /// Its content contradicts itself.
+    /// The content of the directory contradicts itself.
     #[error("{place} is damaged ({what}); restore it from a copy, or begin the world anew (--fresh)")]
     Damaged {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
         /// What is wrong with it.
         what: String,
     },
-    /// It is not a world of dcd.
+    /// The directory is not a world of dcd.
     #[error("{place} is no world of dcd; choose another place, or move it away to begin a world here")]
     Foreign {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
     },
-    /// It was written by another version of dcd.
+    /// The directory was written by another version of dcd.
     #[error(
         "{place} has format {found}, this dcd reads {known}; run the version that wrote it, or begin the world anew \
          (--fresh)"
     )]
     Format {
-        /// Where it is.
+        /// The place of the directory.
         place: String,
         /// The format it has.
         found: u64,

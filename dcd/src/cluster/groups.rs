@@ -1,10 +1,11 @@
-//! Forms groups of nodes by network delay (thesis 3.3.7, 4.3.1.4): nodes share a group if each reaches every other quickly,
-//! both ways. So a group is a clique of the graph of near pairs, and a node is in exactly one group.
+//! Forms groups of nodes by network delay (thesis 3.3.7, 4.3.1.4): nodes share a group if each reaches every
+//! other quickly, both ways. So a group is a clique of the graph of near pairs, and a node is in exactly one
+//! group.
 //!
-//! The thesis sorts all subsets of the nodes; here a search with a bound on its work finds the largest clique of those that are
-//! left, which comes to the same ([`form_groups`]). Besides measured delays the thesis names other sources of what belongs
-//! together: the network (or exchange, or provider), the registered town, groups that users declare. To this module they are
-//! all keys of nodes, see [`Hint`].
+//! The thesis sorts all subsets of the nodes. Here a search with a bound on its work finds the largest clique
+//! of the nodes that are left, with the same result ([`form_groups`]). Besides measured delays the thesis
+//! names other sources of what belongs together: the network (or exchange, or provider), the registered town,
+//! groups that users declare. This module takes them all as keys of nodes ([`Hint`]).
 
 mod clique;
 mod leftovers;
@@ -20,10 +21,11 @@ use self::clique::Work;
 use self::near::{Graph, Ranks};
 use crate::space::NodeId;
 
-/// Rules by which groups form.
+/// The rules by which groups form.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroupRules {
-    /// A pair is near when the delays both ways, in milliseconds, are below this; `None`: when each reaches the other.
+    /// The delay below which a pair is near, both ways, milliseconds; `None`: a pair is near if each reaches
+    /// the other.
     pub threshold_ms: Option<f64>,
     /// The largest number of nodes in a group, so that its leader is not overloaded (thesis 3.3.8).
     pub max_size: usize,
@@ -32,8 +34,8 @@ pub struct GroupRules {
 }
 
 impl Default for GroupRules {
-    /// Returns rules by which all nodes that reach each other share a group, up to the 32 nodes that the thesis tried (table
-    /// 5.7).
+    /// Returns rules by which all nodes that reach each other share a group, up to the 32 nodes that the
+    /// thesis tried (table 5.7).
     fn default() -> Self {
         Self { threshold_ms: None, max_size: 32, policy: GroupPolicy::Largest }
     }
@@ -45,18 +47,19 @@ pub enum GroupPolicy {
     /// Groups as large as possible, even if a node is left alone: the thesis's algorithm.
     #[default]
     Largest,
-    /// Groups of 2^k nodes, since halving shares the world evenly among so many, and no node alone where that is possible: what
-    /// the thesis would prefer (3.3.7). A group of another size is formed only where a node would else be alone.
+    /// Groups of 2^k nodes, since halving shares the world evenly among so many, and no node alone where that
+    /// is possible. The thesis would prefer this (3.3.7). A group of another size is formed only where a node
+    /// would else be alone.
     PowersOfTwo,
 }
 
 /// An error in the rules of groups: they cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GroupError {
-    /// See the message.
+    /// The largest size of a group is 0.
     #[error("groups of at most 0 nodes: let a group have at least 1")]
     NoSize,
-    /// See the message.
+    /// The threshold is not a positive number. It holds the given one, in milliseconds.
     #[error("a delay below {0} ms is no rule: give a positive number, or none at all")]
     Threshold(f64),
 }
@@ -71,7 +74,7 @@ impl GroupRules {
         }
     }
 
-    /// The size to look for.
+    /// Returns the size to look for.
     fn aim(&self) -> usize {
         self.cut(self.max_size)
     }
@@ -92,14 +95,15 @@ impl GroupRules {
     }
 }
 
-/// A hint from a source other than delays about which nodes belong together: the network of each, its town, its declared group.
-/// Nodes of one key belong together; of a node without a key nothing is known. A hint never makes a pair near that is not:
-/// users declare groups of friends in far countries, and one provider serves a continent (thesis 3.3.10, 4.3.1.4).
+/// A hint, from a source other than delays, about which nodes belong together: the network of each, its town,
+/// its declared group. Nodes of one key belong together. Of a node without a key nothing is known. A hint
+/// never makes a pair near that is not: users declare groups of friends in far countries, and one provider
+/// serves a continent (thesis 3.3.10, 4.3.1.4).
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Hint {
     /// The key of each node, opaque.
     pub keys: BTreeMap<NodeId, u64>,
-    /// Its use.
+    /// The use of the hint.
     pub usage: HintUse,
 }
 
@@ -108,7 +112,7 @@ pub struct Hint {
 pub enum HintUse {
     /// Nodes of different keys never share a group, and need not even measure their delay.
     Prune,
-    /// Of equally large groups, one whose nodes have one key is formed first.
+    /// Among equally large groups, one whose nodes have one key is formed first.
     Seed,
 }
 
@@ -126,15 +130,16 @@ impl Hint {
     }
 }
 
-/// Forms groups of these nodes and returns them, largest first, equals by their lowest id; in each the ids ascend, so that its
-/// leader is the first.
+/// Forms groups of these nodes and returns them, largest first, equals by their lowest id. In each group the
+/// ids ascend.
 ///
-/// Repeatedly the largest clique of the nodes that are left becomes a group, cut to the size that the rules allow; the node
-/// with the most other nodes near it is left out first. The clique is indeed the largest unless the search for it exceeds its
-/// share of a fixed amount of work. The same arguments always give the same groups.
+/// Repeatedly the largest clique of the nodes that are left becomes a group, cut to the size that the rules
+/// allow. The nodes with the most other nodes near them are left out first. The clique is the largest unless
+/// the search for it exceeds its share of a fixed amount of work. The same arguments always give the same
+/// groups.
 ///
-/// `delay_ms(a, b)` is the delay from `a` to `b`, `None` if it is unknown or `b` cannot be reached. It is asked about every
-/// ordered pair at most once, a million times for 1,000 nodes: let it look into an array.
+/// `delay_ms(a, b)` is the delay from `a` to `b`, `None` if it is unknown or `b` cannot be reached. It is
+/// called at most once for every ordered pair, a million times for 1,000 nodes: let it look into an array.
 ///
 /// # Panics
 /// When the rules would not pass [`GroupRules::checked`].
@@ -154,7 +159,7 @@ pub fn form_groups(
         let first = clique::greedy(&graph, &left);
         let rounds = left.len().div_ceil(rules.cut(first.len()));
         let mut clique = work.share(rounds, |work| {
-            // What seeds find comes first: nothing of the same size replaces it.
+            // Cliques within seeds come first: nothing of the same size replaces them.
             let seeded = seeded(&graph, &left, &seeds, rules.aim(), work);
             let best = if seeded.len() >= first.len().min(rules.aim()) { seeded } else { first };
             clique::largest(&graph, &left, rules.aim(), best, work)
@@ -177,7 +182,7 @@ pub fn form_groups(
     named(&graph, groups)
 }
 
-/// The nodes of each key of each hint, in the order of hints and keys.
+/// Returns the nodes of each key of each hint, in the order of hints and keys.
 fn seeds(graph: &Graph, hints: &[Hint]) -> Vec<Ranks> {
     let mut seeds = Vec::new();
     for hint in hints.iter().filter(|hint| hint.usage == HintUse::Seed) {
@@ -206,7 +211,8 @@ fn seeded(graph: &Graph, left: &Ranks, seeds: &[Ranks], enough: usize, work: &mu
     best
 }
 
-/// Cuts a clique to a size. The nodes with the most others near them are left out, of equals those with the highest ids.
+/// Cuts a clique to a size. The nodes with the most others near them are left out, among equals those with
+/// the highest ids.
 fn leave_out(graph: &Graph, left: &Ranks, clique: &mut Vec<usize>, size: usize) {
     clique.sort_by_key(|&rank| (graph.near(rank).common(left), graph.node(rank)));
     clique.truncate(size);
@@ -225,9 +231,13 @@ fn named(graph: &Graph, groups: Vec<Vec<usize>>) -> Vec<Vec<NodeId>> {
     groups
 }
 
-/// Returns the index in `groups` of the group that a newcomer is to join: one with room whose every member is near. Of these
-/// the largest; with [`GroupPolicy::PowersOfTwo`] rather one that will have 2^k members. Of equals the one with the most
-/// members of the newcomer's keys, earlier hints outranking later ones; then the first. `None`: the newcomer stays alone.
+/// Returns the index in `groups` of the group that a newcomer is to join: one with room whose every member is
+/// near. `None`: the newcomer stays alone. Among several groups these rules decide, in order:
+///
+/// 1. With [`GroupPolicy::PowersOfTwo`], a group that will have 2^k members.
+/// 2. The largest group.
+/// 3. The group with the most members of the newcomer's keys; earlier hints outrank later ones.
+/// 4. The first group.
 ///
 /// The newcomer never joins a group that it is in already, nor one without members.
 ///

@@ -1,4 +1,5 @@
-//! Keeps joints, those on record at the server and those that a client was told of, and finds those of one body without a look at all others.
+//! Keeps joints (those on record at the server, or those that a client was told of) and finds the joints of
+//! one body without a look at all others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
@@ -11,7 +12,7 @@ use bincode::{Decode, Encode};
 use crate::protocol::JointRecord;
 use crate::space::{BodyId, JointId};
 
-/// Joints, in id order.
+/// Joints in id order, indexed by their bodies.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Joints {
     all: BTreeMap<JointId, JointRecord>,
@@ -19,7 +20,7 @@ pub(crate) struct Joints {
 }
 
 impl Joints {
-    /// Adds a joint, in place of the one of its id.
+    /// Adds a joint, in place of any of the same id.
     pub(crate) fn insert(&mut self, joint: JointRecord) {
         self.remove(joint.id);
         for body in [joint.a, joint.b] {
@@ -32,7 +33,7 @@ impl Joints {
         joints.into_iter().for_each(|joint| self.insert(joint));
     }
 
-    /// Changes a joint that is known.
+    /// Replaces a joint that is known; does nothing for one that is not.
     pub(crate) fn alter(&mut self, joint: JointRecord) {
         if self.all.contains_key(&joint.id) {
             self.insert(joint);
@@ -45,7 +46,7 @@ impl Joints {
         of_it.into_iter().for_each(|id| _ = self.remove(id));
     }
 
-    /// Forgets a joint; returns it, if there was one.
+    /// Forgets a joint, and returns it if there was one.
     pub(crate) fn remove(&mut self, id: JointId) -> Option<JointRecord> {
         let joint = self.all.remove(&id)?;
         for body in [joint.a, joint.b] {

@@ -1,5 +1,6 @@
-//! Implements the leader of a group, the part of a node that is active while it leads: it opens each tick when all members are
-//! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
+//! Implements the leader of a group, the part of a node that is active while it leads: it opens each tick
+//! when all members have completed the last one (lockstep), takes in clients' inputs, and sends contacts and
+//! states to clients (thesis 3.3.8, 4.3.2.10).
 
 mod balancing;
 mod condensed;
@@ -40,62 +41,62 @@ use crate::space::{
     Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick, Viewpoint,
 };
 
-/// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
+/// The most bytes of the server's operations in one tick, unless the first alone is longer. The rest waits.
 const OPS_BYTES: usize = 4 << 20;
-/// The server is told once per so many ticks what fidelity saves.
+/// The number of ticks between reports to the server of what fidelity saves.
 const TELL_FIDELITY: u64 = 60;
-/// Allocations kept, of which late reports may speak.
+/// The number of allocations kept, for late reports.
 const KEPT_ALLOCATIONS: usize = 8;
 
-/// Holds what a leader knows that leads the next view, too.
+/// The state that a leader hands on to itself if it leads the next view, too.
 #[derive(Clone, Debug)]
 pub struct Legacy {
     contacts: ContactLedger,
     allocation: Allocation,
 }
 
-/// The state of a leader: it begins and ends with a view.
+/// The state of a leader. It begins and ends with a view.
 #[derive(Clone, Debug)]
 pub struct Leader {
     view: ViewNumber,
     members: BTreeSet<NodeId>,
     dt: Duration,
     pace: Pace,
-    /// The last dispatched tick; that of the view before the first.
+    /// The last dispatched tick; the view's tick before the first.
     tick: Tick,
-    /// When it was due, by which clients count time.
+    /// The time at which it was due, by which clients count time.
     opened: Duration,
     last_tick: Option<Tick>,
-    /// Returns the newest tick that each member has completed, and what it cost.
+    /// The newest tick that each member has completed.
     done: BTreeMap<NodeId, Tick>,
     /// How many ticks members may be apart.
     lag: u64,
-    /// The most rounds that a member wants for the next tick, of those that are done.
+    /// The most rounds for the next tick that any member has asked for.
     rounds_wanted: u32,
     holders: Holders,
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
-    /// Counts the server's operations that move bodies and have come.
+    /// The number of the server's operations that move bodies and have come.
     moves_heard: u64,
     inputs: Inputs,
     latest: Latest,
-    /// Bodies that a tick has removed which not all members have completed, and that tick, or the one in which they came again: members that
-    /// are behind report them as they were before.
+    /// Bodies that were removed by a tick which not all members have completed, each with that tick, or with
+    /// the tick in which it came again. Members that are behind report such a body as it was before.
     gone: BTreeMap<BodyId, Tick>,
     /// Bodies that moved since clients were last told.
     moved: BTreeSet<BodyId>,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
-    /// The logical time of each client's newest input that a tick has applied, and how early it came.
+    /// The logical time of each client's newest applied input, and how many ticks early it came.
     applied: BTreeMap<ClientId, (u64, i8)>,
-    /// What the replication is to be told with the next tick.
+    /// The news for the replication, to be given with the next tick.
     news: TickNews,
     replication: Replication,
     relays: Relays,
     watching: Watching,
     questions: Questions,
-    /// What clients want to hear of; those that have not said so are not among them.
+    /// The area of interest of each client that has named one; `None` in it is everything.
     interests: BTreeMap<ClientId, Option<Area>>,
     messages: Vec<(ClientId, ToClient)>,
     server_messages: Vec<ToServer>,
@@ -104,15 +105,15 @@ pub struct Leader {
     thresholds: Thresholds,
     /// The state between groups, while there are other groups.
     inter_group: Option<InterGroup>,
-    /// While the regions follow the load.
+    /// The balancer, if the regions follow the load.
     balancing: Option<Balancing>,
-    /// While not all is computed in full.
+    /// The choice of the regions that stay behind, if not everything is computed in full.
     scheduling: Option<Scheduling>,
-    /// Who computes which regions, from which tick on: what a member says counts of its own regions only.
+    /// Who computes which regions, from which tick on. A member is believed about its own regions only.
     computed_by: VecDeque<(Tick, Allocation)>,
-    /// The tree of the view, which changes while regions follow the load.
+    /// The tree of the view as it begins. While regions follow the load, `balancing` has the present one.
     tree: DistributionTree,
-    /// The newest view in which the server has placed a body that members may report, of whatever group.
+    /// The newest view, of any group, in which the server has placed a body that members may report.
     newest_view: u64,
 }
 
@@ -166,7 +167,7 @@ impl Leader {
         }
     }
 
-    /// Returns the view it leads.
+    /// Returns the number of the view that it leads.
     pub fn view(&self) -> ViewNumber {
         self.view
     }
@@ -176,7 +177,7 @@ impl Leader {
         (self.tick, self.opened, self.dt)
     }
 
-    /// Notes that bodies of the view were placed in one of this number or before.
+    /// Notes that bodies of the view were placed in the view of this number or before.
     pub(super) fn knows_view(&mut self, number: u64) {
         self.newest_view = self.newest_view.max(number);
     }
@@ -186,8 +187,9 @@ impl Leader {
         self.ops.extend(ops);
     }
 
-    /// Does the same with those of a message, of which the first that moves a body has this number. One that is not the next came over a new
-    /// link, before the server knew what was lost with the one before: it is passed over, and said again after that.
+    /// Adds the operations of a message. `first` is the number of the first of them that moves a body. An
+    /// operation with another number than the next came over a new link, before the server knew what was lost
+    /// with the link before. It is passed over: the server sends it again after the lost ones.
     pub(super) fn hear_ops(&mut self, first: u64, mut ops: Vec<WorldOp>) {
         let mut number = first;
         ops.retain(|op| {
@@ -205,7 +207,8 @@ impl Leader {
         self.moves_heard
     }
 
-    /// Has the states for clients chosen and coded by whoever is given the events of [`Leader::take_replication_events`], from the first on.
+    /// Leaves the states for clients to whoever is given the events of [`Leader::take_replication_events`],
+    /// from the first on.
     #[must_use]
     pub fn with_replication_elsewhere(mut self) -> Self {
         self.replication = self.replication.moved_elsewhere();
@@ -223,7 +226,7 @@ impl Leader {
         self.relays.messages.extend(for_members);
     }
 
-    /// Admits a client that is linked directly; it says what it wants to hear of.
+    /// Admits a client that is linked directly. The client then says what it wants to hear of.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         self.uninterest(client);
@@ -234,10 +237,10 @@ impl Leader {
         self.replicate(ReplicationEvent::Admit { client, turn, told_elsewhere, area: None });
     }
 
-    /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
-    /// changes, all bodies are looked at once per tick.
+    /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that
+    /// all bodies are looked at once per tick however often the area changes.
     pub fn take_interest(&mut self, client: ClientId, area: Option<Area>) {
-        // One that is not linked sends it again when it is.
+        // A client that is not linked sends it again when it is.
         if self.clients.contains_key(&client) {
             self.interests.insert(client, area);
             self.watch(client, area);
@@ -245,19 +248,19 @@ impl Leader {
         }
     }
 
-    /// Takes in where the server's program looks at the world from, from the next tick on.
+    /// Takes in the viewpoints of the server's program, which count from the next tick on.
     pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
         self.scheduling.iter_mut().for_each(|scheduling| scheduling.look(viewpoints.clone()));
     }
 
-    /// Takes in a client's question about bodies, perhaps once more; the answer comes with the next tick, or a later one.
+    /// Takes in a client's query, perhaps once more. The answer comes with the next tick, or a later one.
     pub fn ask(&mut self, client: ClientId, question: Query) {
         if self.clients.contains_key(&client) {
             self.questions.ask(client, question);
         }
     }
 
-    /// Takes in a question of the server's program, perhaps once more; the answer goes to the server.
+    /// Takes in a query of the server's program, perhaps once more. The answer goes to the server.
     pub fn ask_for_server(&mut self, question: Query) {
         self.questions.ask(ClientId::NOBODY, question);
     }
@@ -285,8 +288,8 @@ impl Leader {
         self.clients.get(&client).copied()
     }
 
-    /// Accepts a client's input for an avatar of its own that is newer than the last one, and within the world's limits of speed, spin and
-    /// jumps.
+    /// Accepts a client's input if it is for an avatar of its own, is newer than the last one, and keeps the
+    /// world's limits of speed, spin and jumps.
     pub fn accept_input(&mut self, client: ClientId, input: Input) -> Result<(), Refusal> {
         self.inputs.accept(client, input, self.tick)
     }
@@ -334,8 +337,9 @@ impl Leader {
         }
     }
 
-    /// Takes in the states of bodies that moved in one member's regions. Returns how many are not believed: those of bodies in regions
-    /// that others compute, of a tick that has not been opened, and at an epoch that cannot be: every true state would be older.
+    /// Takes in the states of bodies that moved in one member's regions. Returns how many are not believed:
+    /// those of bodies in regions that others compute, of a tick that has not been opened, or at an epoch
+    /// that cannot be: true states would all be older than such a state.
     pub fn report(&mut self, from: NodeId, report: Report) -> u64 {
         if report.tick > self.tick {
             return report.states.len() as u64;
@@ -435,7 +439,7 @@ impl Leader {
         ops.extend(self.questions.dispatch(self.tick, &self.members));
         self.questions.allow();
         self.messages.extend(self.questions.tell());
-        // Where the tree changes all catch up.
+        // Where the tree changes, all regions catch up.
         let is_cut_anew = ops.iter().any(|op| op.repartition().is_some());
         let schedule = self.schedule().filter(|schedule| !is_cut_anew && *schedule != Schedule::default());
         ops.extend(schedule.map(WorldOp::Schedule));
@@ -446,7 +450,7 @@ impl Leader {
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
     }
 
-    /// Takes the inputs of the tick, and notes up to which each client's are applied.
+    /// Takes the inputs of the tick, and notes up to which input each client's are applied.
     fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
         let taken = self.inputs.take(self.tick);
         let said_again = self.inputs.take_said_again().into_iter().map(|(client, time)| (client, (time, 0)));
@@ -462,15 +466,16 @@ impl Leader {
         taken.into_iter().map(|taken| taken.input)
     }
 
-    /// Returns which regions stay behind in this tick, where not all is computed in full. While there are other groups, what their clients look at
-    /// is not known here: all is.
+    /// Returns the regions that stay behind in this tick, if not everything is computed in full. While there
+    /// are other groups, this leader does not know what their clients look at, and everything is computed in
+    /// full.
     fn schedule(&mut self) -> Option<Schedule> {
         let scheduling = self.scheduling.as_mut()?;
         let interests = self.inter_group.is_none().then_some(&self.interests);
         Some(scheduling.schedule(self.tick, interests, self.inputs.places()))
     }
 
-    /// Tells the server now and then what it saves and costs that not all is computed in full.
+    /// Tells the server now and then what lower rates save and cost.
     fn tell_fidelity(&mut self) {
         if let Some(scheduling) =
             self.scheduling.as_ref().filter(|_| self.tick.0.is_multiple_of(TELL_FIDELITY))
@@ -499,14 +504,15 @@ impl Leader {
         Some(change)
     }
 
-    /// Takes the server's operations of one tick: as many as a message has room for, in order. The others wait.
+    /// Takes the server's operations of one tick: as many as a message has room for, in order. The others
+    /// wait.
     fn next_ops(&mut self) -> Vec<WorldOp> {
         let mut bytes = 0;
         let is_over = |op: &WorldOp| {
             bytes += encoded_len(op);
             bytes > OPS_BYTES
         };
-        // One alone is never too long: the server splits what it sends.
+        // A single operation is never too long: the server splits what it sends.
         let count = self.ops.iter().position(is_over).map_or(self.ops.len(), |count| count.max(1));
         let count = count.min(most_items::<WorldOp>());
         let later = self.ops.split_off(count);
@@ -543,17 +549,17 @@ impl Leader {
         view == self.view && self.done.get(&node).is_some_and(|done| tick <= *done)
     }
 
-    /// Whether the next tick may begin as far as members go.
+    /// Returns whether all members are ready for the next tick.
     fn is_complete(&self) -> bool {
         self.completed().is_some_and(|completed| self.tick.0 <= completed.0 + self.lag)
     }
 
-    /// Returns the part of a dispatch that concerns one member: inputs for avatars go to members that hold them, and once more
-    /// to those that held them before, so that they let go (thesis 3.3.8).
+    /// Returns the part of a dispatch that concerns one member. Inputs for an avatar go to the members that
+    /// hold it, and once more to those that held it before, so that they let go (thesis 3.3.8).
     pub fn for_member(&mut self, node: NodeId, dispatch: &Dispatch) -> Dispatch {
         let holders = &mut self.holders;
         let mut concerns = |op: &WorldOp| match op {
-            // All must know of what concerns all.
+            // All members must know of what concerns all.
             WorldOp::Input(input) => holders.concerns(node, input.body) || op.concerns_all(),
             _ => true,
         };
@@ -563,7 +569,8 @@ impl Leader {
 
     /// Notes that a body is inserted in the present tick.
     fn appears(&mut self, body: &BodyRecord) {
-        // The server counts views of all groups: an avatar that returns is placed in its newest.
+        // The server numbers the views of all groups together: an avatar that returns is placed in the newest
+        // of all.
         self.knows_view(body.epoch.view());
         if body.id.client().is_some() {
             self.inputs.see(body.id, body.state.pose.translation, self.tick, false);
@@ -585,7 +592,8 @@ impl Leader {
         self.forget_in_other_groups(id);
     }
 
-    /// Forgets the contacts of bodies that were gone by then: their ends are told.
+    /// Forgets the contacts of bodies whose removal all members have completed: the ends of these contacts
+    /// have been told.
     fn forget_contacts(&mut self, completed: Option<Tick>) {
         let mut over = BTreeSet::new();
         self.gone.retain(|&id, since| {
@@ -605,8 +613,8 @@ impl Leader {
         self.inputs.due(self.tick.next())
     }
 
-    /// Returns what another leader must know of clients (inputs that are not dispatched yet, and their interests), and what this one knows if
-    /// it leads on.
+    /// Returns what another leader must know of clients (inputs that are not dispatched yet, and their
+    /// interests), and what this one hands on to itself if it leads on.
     pub fn into_legacy(self) -> (Vec<(ClientId, FromClient)>, Legacy) {
         let inputs = self
             .inputs
@@ -618,12 +626,14 @@ impl Leader {
         (inputs.chain(interests).collect(), Legacy { contacts: self.contacts, allocation })
     }
 
-    /// Returns what the server's program did to moving bodies and no tick has done yet. Of all else the server's record is told again.
+    /// Returns what the server's program did to moving bodies and no tick has done yet. All else is told
+    /// again from the server's record.
     pub fn undone(&self) -> Vec<WorldOp> {
         condensed(&self.ops)
     }
 
-    /// Goes on from the view before, which it led too: with the contacts of regions that are computed where they were, by members that keep them.
+    /// Goes on from the view before, which this node led too, with its contacts. Only contacts of regions
+    /// remain whose member stays the same, and keeps them.
     pub fn inherit(&mut self, legacy: Legacy, is_kept: impl Fn(NodeId) -> bool) {
         let Legacy { mut contacts, allocation } = legacy;
         if let Some((_, now)) = self.computed_by.back() {
@@ -634,7 +644,8 @@ impl Leader {
         self.contacts = contacts;
     }
 
-    /// Passes over inputs that are said again, of each kind for each avatar up to this logical time: ticks before the view have done them.
+    /// Passes over inputs that are sent again, of each kind for each avatar up to this logical time: ticks
+    /// before the view have done them.
     pub(super) fn pass_over(&mut self, done: BTreeMap<(BodyId, bool), u64>) {
         self.inputs.pass_over(done);
     }
@@ -644,7 +655,7 @@ impl Leader {
         !self.clients.is_empty()
     }
 
-    /// Returns the members that have not completed the newest tick, but for the lag that they may have.
+    /// Returns the members that have not completed the newest tick, apart from the lag that they may have.
     pub fn missing(&self) -> impl Iterator<Item = NodeId> {
         let is_behind =
             |node: &&NodeId| self.done.get(node).is_none_or(|&tick| tick.0 + self.lag < self.tick.0);

@@ -1,18 +1,28 @@
-//! Implements the cluster protocol (membership, lockstep, view changes, clients) as sans-I/O state machines: each takes (now,
-//! event) and returns outputs, without socket, clock or thread. The runtime gives them links and physics; the simulator gives
-//! them a virtual clock and a stand-in for physics. `now` is the time since the process began, from a clock that never goes
-//! back.
+//! Implements the cluster protocol (membership, lockstep, view changes, clients) as sans-I/O state machines:
+//! each takes (now, event) and returns outputs, without socket, clock or thread. The runtime gives them links
+//! and physics. The simulator gives them a virtual clock and a stand-in for physics. `now` is the time since
+//! the process began, from a clock that never goes back.
 //!
-//! A group computes in lockstep. [`Server`] keeps the record and decides membership; [`Node`] computes regions through a
-//! physics *device* ([`PhysicsCommand`], [`PhysicsEvent`]); one node contains the [`Leader`]; [`Client`] hosts avatars.
+//! A group computes in lockstep. [`Server`] keeps the record and decides membership. [`Node`] computes
+//! regions through a physics *device* ([`PhysicsCommand`], [`PhysicsEvent`]). One node contains the
+//! [`Leader`]. [`Client`] hosts avatars.
 //!
-//! **A tick.** Leader: `Dispatch(t)` → each node: `Step` → border messages to every other member → all arrived: `Accept` →
-//! `Done(t)` to the leader → the next.
+//! **A tick.**
 //!
-//! **A view change** (start, join, leave and death alike; a death during one begins the next):
-//! `Settle` (start nothing new; answer with the newest dispatch) → `Finish` (complete that tick with the survivors'
-//! messages alone; answer with all owned bodies) → `Fetch` (bodies that nobody owns, and those that move to another
-//! node) → `Adopt` (build and drop; one border exchange; `Done` of the view's own tick to the new leader, who goes on).
+//! 1. The leader sends `Dispatch(t)` to each node.
+//! 2. Each node steps its regions (`Step`) and sends border messages to the members that compute neighbours
+//!    of them.
+//! 3. When theirs have arrived, the node hands them to the physics (`Accept`).
+//! 4. It sends `Done(t)` to the leader, which then opens the next tick.
+//!
+//! **A view change.** A start, a join, a leave and a death take the same steps. A death during a view change
+//! begins another.
+//!
+//! 1. `Settle`: start nothing new; answer with the newest dispatches.
+//! 2. `Finish`: complete these ticks with the survivors' messages alone; answer with all owned bodies.
+//! 3. `Fetch`: return bodies that nobody owns, and those that move to another node.
+//! 4. `Adopt`: build and drop bodies, exchange border messages once, and send `Done` of the view's own tick
+//!    to the new leader, which goes on.
 
 mod avatar_limits;
 mod client;

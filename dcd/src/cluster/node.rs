@@ -1,5 +1,6 @@
-//! Implements a node, a process that computes regions: it takes part in the group's lockstep and view changes, and leads the
-//! group if the server says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
+//! Implements a node, a process that computes regions: it takes part in the group's lockstep and view
+//! changes, and leads the group if the server says so. The physics is a device behind [`PhysicsCommand`] and
+//! [`PhysicsEvent`].
 
 mod borders;
 mod clients;
@@ -36,15 +37,15 @@ use crate::space::{BodyId, ClientId, NodeId, Tick};
 pub struct NodeConfig {
     /// Its id, as on its certificate.
     pub id: NodeId,
-    /// Where others reach it.
+    /// The address at which others reach it.
     pub address: SocketAddr,
     /// The client in the same process, if any.
     pub client: Option<ClientId>,
-    /// The area of interest of that client at first.
+    /// The area of interest of that client at first; `None` is everything.
     pub interest: Option<Area>,
-    /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
+    /// The number of ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
     pub checkpoint_every: u64,
-    /// How long others are waited for before the node computes speculative ticks for its clients.
+    /// The time for which the node waits for others before it computes speculative ticks for its clients.
     pub patience: Duration,
 }
 
@@ -57,27 +58,27 @@ pub enum NodeEvent {
     Disconnected(Peer),
     /// A decoded message.
     Message {
-        /// Over which link.
+        /// The link that it came over.
         from: Peer,
-        /// What it says.
+        /// The message.
         message: Message,
     },
     /// The physics has done what it was asked.
     Physics(PhysicsEvent),
-    /// A message of the client in the same process to the leader.
+    /// A message from the client in the same process to the leader.
     Client(FromClient),
-    /// The user wants the node to leave; it ends with [`NodeOutput::Stopped`].
+    /// The user wants the node to leave. It ends with [`NodeOutput::Stopped`].
     Leave,
 }
 
 /// An action that a node wants done.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeOutput {
-    /// Send this; wait with it while the link is being made.
+    /// Send this message. Keep it while the link is being made.
     Send {
-        /// Over which link.
+        /// The link to send it over.
         to: Peer,
-        /// What.
+        /// The message.
         message: Message,
     },
     /// Make a link to the server, and answer with [`NodeEvent::Connected`] or [`NodeEvent::Disconnected`].
@@ -86,7 +87,7 @@ pub enum NodeOutput {
     Connect(Member),
     /// Close the link to a former member.
     Disconnect(NodeId),
-    /// Give the physics this.
+    /// Give the physics this command.
     Physics(PhysicsCommand),
     /// A message of the leader to the client in the same process.
     Client(ToClient),
@@ -94,27 +95,27 @@ pub enum NodeOutput {
     Settled(Tick),
     /// The node has stopped.
     Stopped {
-        /// Why.
+        /// Why it has stopped.
         farewell: Farewell,
-        /// The same for people.
+        /// The reason in words, for people.
         reason: String,
     },
 }
 
-/// Counters of what was dropped, by reason.
+/// The counters of what a node dropped, by reason, and of ticks beside the lockstep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NodeCounters {
-    /// Messages of an earlier view or tick.
+    /// The number of messages of an earlier view or tick.
     pub stale: u64,
-    /// Messages from a sender that may not send them.
+    /// The number of messages from senders that may not send them.
     pub refused: u64,
-    /// Early border messages and inputs beyond their bounds.
+    /// The number of early border messages and inputs beyond their bounds.
     pub overflow: u64,
-    /// Clients' inputs that the leader refused.
+    /// The number of clients' inputs that the leader refused.
     pub rejected: u64,
-    /// Speculative ticks: computed without the others, for clients only.
+    /// The number of speculative ticks: computed without the others, for clients only.
     pub speculative: u64,
-    /// Ticks of participants that were computed once more here, and found right.
+    /// The number of participants' ticks that were computed once more here, and found right.
     pub verified: u64,
 }
 
@@ -126,49 +127,53 @@ pub struct Node {
     view: Option<View>,
     /// How often the tree has changed in the view.
     division: u32,
-    /// The newest view in which the server has placed a body that members may have, of whatever group.
+    /// The newest view, of any group, in which the server has placed a body that members may have.
     newest_view: u64,
-    /// Members whose border messages are waited for; not this node.
+    /// The other members that are still there: those whose border messages may be waited for.
     others: BTreeSet<NodeId>,
     tick: Tick,
     phase: Phase,
-    /// The physics owes an answer; for a view change: for which.
+    /// Whether the physics owes an answer, and for which view change the newest survey or fetch was asked.
     busy: bool,
     asked: Option<ViewNumber>,
-    /// Answers that the physics owes from before the node began anew.
+    /// The number of answers that the physics owes from before the node began anew.
     void: u32,
-    /// Since when nothing that counts has been computed or heard, and how long the last tick took.
+    /// When the physics last answered (speculative ticks and drains aside) or the view began, and how long
+    /// that answer took to come after the one before.
     since: Duration,
     tick_takes: Duration,
     /// When the leader last said anything.
     since_leader: Option<Duration>,
-    /// When other members last said that they wait, too.
+    /// When each other member last said that it waits, too.
     waiting: BTreeMap<NodeId, Duration>,
-    /// When this node, if it waits, says so again (heartbeat).
+    /// The earliest time at which this node, if it waits, says so again (heartbeat).
     reassure_at: Duration,
     complained_at: Duration,
     speculation: Speculation,
-    /// Dispatches of the present view that another member may not have completed, and the newest tick of all.
+    /// Dispatches of the present view that another member may not have completed, and the newest dispatched
+    /// tick.
     dispatches: VecDeque<Dispatch>,
     dispatched: Tick,
-    /// Messages up to this tick have been taken in before their time, for a view change.
+    /// Border messages up to this tick have been taken in before their time, for a view change or a change of
+    /// the tree.
     drained: Tick,
     holds: Vec<BodyId>,
     change: Option<PendingView>,
-    /// What the leader dispatched since the change began: it counts if nothing comes of the change.
+    /// Dispatches that have come since the change began: they count if nothing comes of the change.
     held: Vec<Dispatch>,
     placed: Vec<Placed>,
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
-    /// The events for a replication that runs elsewhere, if it does.
+    /// The events for a state replication that runs elsewhere, if it does.
     replication: Option<Vec<ReplicationEvent>>,
     relay: Relay,
-    /// What clients sent before this node leads.
+    /// Messages of clients that came before this node led.
     inputs: Vec<(ClientId, FromClient)>,
-    /// What nodes that are no members yet passed on of their clients.
+    /// Messages of clients that nodes passed on which are no members yet.
     early_words: Vec<(NodeId, ClientId, FromClient)>,
-    /// The logical times of the newest inputs of each kind that ticks have done here, for the leader that this node may be.
+    /// The logical times of the newest inputs of each kind that ticks have done here, for the leader that
+    /// this node may become.
     done_inputs: BTreeMap<(BodyId, bool), u64>,
     /// The newest interest of the client in this process.
     interest: Option<FromClient>,
@@ -192,7 +197,7 @@ pub struct Node {
 #[derive(Clone, Debug)]
 enum Phase {
     Resting,
-    /// The physics computes a round, or takes the messages of one in.
+    /// The physics computes a round, or takes in the border messages of one.
     Computing(Tick, u32),
     Exchanging(Exchange),
 }
@@ -202,17 +207,17 @@ enum Phase {
 struct Exchange {
     tick: Tick,
     round: u32,
-    /// The members whose messages are waited for, and get this node's.
+    /// The members whose messages are waited for, and that get this node's.
     with: BTreeSet<NodeId>,
-    /// Those for this node's regions so far; from its own regions too.
+    /// The messages for this node's regions so far, also from its own regions.
     arrived: BTreeMap<NodeId, Vec<BorderMessage>>,
 }
 
-/// A view change as far as it has come here.
+/// A view change, as far as it has come here.
 #[derive(Clone, Debug)]
 struct PendingView {
     view: ViewNumber,
-    /// What is to be completed before, as far as it has been told.
+    /// The dispatches that are to be completed before, as far as they have been told.
     dispatches: Vec<Dispatch>,
     finish: bool,
     drained: bool,
@@ -239,7 +244,7 @@ impl Node {
     /// Returns a node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
     pub fn new(config: NodeConfig) -> Self {
         assert!(config.checkpoint_every > 0, "samples are at least a tick apart");
-        // Until its client says otherwise.
+        // This interest counts until the client says otherwise.
         let interest = config.client.map(|_| FromClient::Interest(config.interest));
         Self {
             config,
@@ -292,19 +297,19 @@ impl Node {
         }
     }
 
-    /// Has the states for clients chosen and coded by a [`StateReplication`](super::StateReplication) of its user's, which is given the events of
-    /// [`Node::take_replication_events`].
+    /// Leaves the states for clients to a [`StateReplication`](super::StateReplication) of the caller's,
+    /// which is given the events of [`Node::take_replication_events`].
     #[must_use]
     pub fn with_replication_elsewhere(self) -> Self {
         Self { replication: Some(Vec::new()), ..self }
     }
 
-    /// Returns the events for a replication elsewhere since the last call; to be asked when there is no output.
+    /// Returns the events for a replication elsewhere since the last call. Call it when there is no output.
     pub fn take_replication_events(&mut self) -> Vec<ReplicationEvent> {
         self.replication.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// Takes an event in; [`Node::poll_output`] tells what follows from it.
+    /// Takes an event in. [`Node::poll_output`] returns what follows from it.
     pub fn handle(&mut self, now: Duration, event: NodeEvent) {
         if self.stopped {
             return;
@@ -325,7 +330,7 @@ impl Node {
         }
     }
 
-    /// Does what is due; to be called at [`Node::poll_timeout`].
+    /// Does what is due. Call it at [`Node::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         if self.stopped {
             return;
@@ -340,7 +345,7 @@ impl Node {
         self.speculate(now);
     }
 
-    /// Returns when [`Node::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Node::handle_timeout`] is next due. Ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         if self.stopped {
             return None;
@@ -364,7 +369,7 @@ impl Node {
         self.outputs.pop_front()
     }
 
-    /// Returns its id.
+    /// Returns the node's id.
     pub fn id(&self) -> NodeId {
         self.config.id
     }
@@ -389,12 +394,13 @@ impl Node {
         self.counters
     }
 
-    /// Returns the newest tick that it has opened as the leader, when that was by its clock, and how long a tick is.
+    /// Returns, while this node leads, the newest tick that it has opened, when that was by its clock, and
+    /// how long a tick is.
     pub fn opened(&self) -> Option<(Tick, Duration, Duration)> {
         self.leader.as_ref().map(Leader::opened)
     }
 
-    /// Returns whether it computes speculative ticks, because others are waited for.
+    /// Returns whether the node computes speculative ticks, because others are waited for.
     pub fn is_speculating(&self) -> bool {
         self.speculation.is_running()
     }
@@ -409,7 +415,7 @@ impl Node {
         &self.pinger
     }
 
-    /// Returns how many ticks later the border messages of others are taken in.
+    /// Returns how many ticks later than its own the border messages of others are taken in.
     fn lag(&self) -> u64 {
         self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks())
     }
@@ -431,7 +437,8 @@ impl Node {
         match peer {
             Peer::Server => self.greet_server(now),
             Peer::Node(node) => {
-                // The link that was to be closed is replaced by this one, which would be closed in its place, unheard.
+                // The new link replaces the one that was to be closed. That output would close the new one in
+                // its place, unheard.
                 self.outputs.retain(|output| *output != NodeOutput::Disconnect(node));
                 self.link_up(now, node);
             }
@@ -439,7 +446,7 @@ impl Node {
                 if let Some(leader) = &mut self.leader {
                     leader.admit(client);
                 }
-                // What it was told over the link before counts no more.
+                // What the client was told over the link before counts no more.
                 if is_anew {
                     self.tell_of_link(client, false);
                 }
@@ -453,7 +460,7 @@ impl Node {
         self.pinger.remove(peer);
         match peer {
             Peer::Server => self.miss_server(now),
-            // Only the server decides that a member is dead; until then its messages are waited for.
+            // Only the server decides that a member is dead. Until then its messages are waited for.
             Peer::Node(node) => self.link_down(now, node),
             Peer::Client(client) => {
                 if let Some(leader) = &mut self.leader {
@@ -479,13 +486,15 @@ impl Node {
             (Peer::Server, Message::ToNode(message)) => self.hear_server(now, message),
             (Peer::Node(node), Message::Dispatch(dispatch)) => self.dispatched(node, dispatch),
             (Peer::Node(node), Message::Border(border)) => self.keep_early(node, border),
-            // Nobody can be done with a view before its leader has begun it: the leader's border message is waited for.
+            // No member can be done with a view before its leader has begun it, since the leader's border
+            // message is waited for.
             (Peer::Node(node), Message::Done(done)) => match &mut self.leader {
                 Some(leader) if done.view == leader.view() => leader.done(node, done),
                 _ => self.counters.stale += 1,
             },
             (Peer::Node(node), Message::Report(report)) => match &mut self.leader {
-                // Who is verified says nothing of a tick once it is done with it: that is compared then.
+                // A participant that is verified reports nothing of a tick once it is done with it: what it
+                // has reported is compared then.
                 Some(leader)
                     if self.verifier.verifies(node) && leader.has_done(node, report.view, report.tick) =>
                 {

@@ -1,5 +1,6 @@
-//! Measures round trips to peers, and the offsets of their clocks, by pings (thesis 3.3.9, 4.3.1.5). Peers are pinged the more
-//! rarely the farther they are; of the last few round trips the median counts, where the thesis takes the average.
+//! Measures round trips to peers, and the offsets of their clocks, by pings (thesis 3.3.9, 4.3.1.5). Far
+//! peers are pinged more rarely than near ones. The delay is the median of the last few round trips; the
+//! thesis takes the average.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -7,25 +8,25 @@ use std::time::Duration;
 use super::Peer;
 use crate::protocol::{Message, Ping, Pong};
 
-/// Round trips kept per peer.
+/// The number of round trips kept per peer.
 const KEPT: usize = 16;
-/// How many round trips to a peer are made often at first, so that one does not count for much.
+/// The number of round trips to a new peer that are made often, so that a single one does not count for much.
 const FIRST: usize = 3;
 
-/// Returns the seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept within [Imin, Imax]
-/// (thesis 4.3.1.5). Delays in milliseconds, intervals in seconds.
+/// Returns the seconds between pings: `interval(t) = Imin + (Imax − Imin)·(t − tmin)/(tmax − tmin)`, kept
+/// within [Imin, Imax] (thesis 4.3.1.5). Delays are in milliseconds, intervals in seconds.
 pub fn ping_interval_s(delay_ms: f64, delays_ms: [f64; 2], intervals_s: [f64; 2]) -> f64 {
     let share = (delay_ms - delays_ms[0]) / (delays_ms[1] - delays_ms[0]);
     (intervals_s[0] + (intervals_s[1] - intervals_s[0]) * share).clamp(intervals_s[0], intervals_s[1])
 }
 
-/// The largest drift between two clocks, parts per million: each is taken to run up to 500 ppm fast or slow.
+/// The largest drift between two clocks, parts per million: each clock may run up to 500 ppm fast or slow.
 const DRIFT_PPM: u64 = 1_000;
 
 /// The delay and the clock offset that the four time stamps of a round trip give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RoundTrip {
-    /// Time on the way, both ways together, microseconds.
+    /// The time on the way, both ways together, microseconds.
     pub delay_us: u64,
     /// The peer's clock minus ours, microseconds; off by at most half the delay.
     pub offset_us: i64,
@@ -36,26 +37,27 @@ pub struct RoundTrip {
 pub struct ClockOffset {
     /// The peer's clock minus ours, microseconds.
     pub offset_us: i64,
-    /// By how much that may be wrong, microseconds.
+    /// The bound on the error of that, microseconds.
     pub error_us: u64,
 }
 
-/// The server is pinged this often whatever the delay: its clock is everybody's, and clocks drift apart. So is a peer that has
-/// not answered [`FIRST`] times: groups form by delays.
+/// The interval of pings to the server, whatever the delay: the server's clock is everybody's, and clocks
+/// drift apart. It is also the interval to a peer that has not answered [`FIRST`] times, since groups form by
+/// delays.
 const OFTEN: Duration = Duration::from_millis(250);
 
 #[derive(Clone, Debug)]
 struct Entry {
     next: Duration,
-    /// The last round trips, and when each was complete.
+    /// The last round trips, each with the time at which it was complete.
     trips: VecDeque<(Duration, RoundTrip)>,
 }
 
 /// Pings every linked peer at an interval of its own.
 ///
-/// [`Pinger::clock`] bounds the error of every peer's clock offset. That error is small for the server's clock alone: under 5
-/// ms where round trips take less than 7 ms and pings arrive. Others are pinged at the thesis's intervals, between which clocks
-/// drift apart by 5 ms at least.
+/// [`Pinger::clock`] bounds the error of every peer's clock offset. Only for the server's clock is that error
+/// small: under 5 ms where round trips take less than 7 ms and pings arrive. Others are pinged at the
+/// thesis's intervals, between which clocks drift apart by 5 ms at least.
 #[derive(Clone, Debug, Default)]
 pub struct Pinger {
     peers: BTreeMap<Peer, Entry>,
@@ -105,7 +107,7 @@ impl Pinger {
         Message::Pong(Pong { sent_us: ping.sent_us, received_us: micros(now), answered_us: micros(now) })
     }
 
-    /// Takes an answer in; one with impossible times is ignored.
+    /// Takes an answer in. An answer with impossible times is ignored.
     pub fn pong(&mut self, now: Duration, from: Peer, pong: Pong) {
         let (Some(entry), Some(trip)) = (self.peers.get_mut(&from), round_trip(pong, micros(now))) else {
             return;
@@ -126,8 +128,8 @@ impl Pinger {
         self.peers.get(&peer)?.trips.back().map(|(_, trip)| trip.delay_us)
     }
 
-    /// Returns the offset of the peer's clock by that of the last round trips whose error is the smallest: quick, and not long
-    /// ago.
+    /// Returns the peer's clock offset from the one of the last round trips with the smallest error: quick,
+    /// and not long ago.
     pub fn clock(&self, now: Duration, peer: Peer) -> Option<ClockOffset> {
         let of = |&(at, trip): &(Duration, RoundTrip)| {
             let drift_us = micros(now.saturating_sub(at)) * DRIFT_PPM / 1_000_000;
@@ -146,8 +148,9 @@ fn round_trip(pong: Pong, now_us: u64) -> Option<RoundTrip> {
     Some(RoundTrip { delay_us, offset_us: i64::try_from((outward + homeward) / 2).ok()? })
 }
 
-/// Returns the median. A process that was stopped for a while gives a few late answers, which say nothing of the way to it: an
-/// average would keep a node out of its group for many minutes.
+/// Returns the median delay, microseconds. A process that was stopped for a while gives a few late answers,
+/// which say nothing about the way to it. An average over them would keep a node out of its group for many
+/// minutes.
 fn middle_us(trips: &VecDeque<(Duration, RoundTrip)>) -> Option<f64> {
     let mut delays_us: Vec<u64> = trips.iter().map(|(_, trip)| trip.delay_us).collect();
     delays_us.sort_unstable();
@@ -194,7 +197,7 @@ mod tests {
             let now = Duration::from_millis(ms);
             if !pinger.due(now).is_empty() {
                 asked.push(ms);
-                // The first two get lost.
+                // The first two pings get lost.
                 if asked.len() > 2 {
                     let sent_us = micros(now);
                     let pong = Pong { sent_us, received_us: sent_us, answered_us: sent_us };
@@ -234,7 +237,7 @@ mod tests {
         trip(&mut pinger, 0, 1_000, 50);
         trip(&mut pinger, 2_000_000, 4_000, 70);
         let now = Duration::from_millis(2_004);
-        // 0.5 ms and 1 ms for each second since, against 2 ms.
+        // The first trip's error is 0.5 ms plus 1 ms for each second since; the second's is 2 ms.
         assert_eq!(pinger.clock(now, peer).unwrap(), ClockOffset { offset_us: 70, error_us: 2_002 });
         trip(&mut pinger, 60_000_000, 200_000, 90);
         let clock = pinger.clock(Duration::from_millis(60_200), peer).unwrap();

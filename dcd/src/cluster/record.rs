@@ -1,5 +1,5 @@
-//! Records the world on the server: every body, shape and joint as last known, so that nothing is lost with a node (thesis
-//! 3.3.5).
+//! Records the world on the server: every body, shape and joint as last known, so that nothing is lost with a
+//! node (thesis 3.3.5).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,18 +16,18 @@ use crate::space::{BodyId, Burden, ClientId, DistributionTree, Epoch, Groups, Jo
 /// The life cycle of a recorded body: waiting for a node, live, being removed, or parked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Life {
-    /// No node has been told of it.
+    /// No node has been told of the body.
     Waiting,
-    /// Owned by a region of some node.
+    /// A region of some node owns the body.
     Live,
-    /// The nodes have been told to remove it and have not confirmed yet.
+    /// The nodes have been told to remove the body and have not confirmed yet.
     Removing {
-        /// Whether it is kept on record for its client's return.
+        /// Whether the body stays on record until its client returns.
         park: bool,
         /// Whether the client is back already.
         back: bool,
     },
-    /// An avatar whose client is away.
+    /// The body is an avatar whose client is away.
     Parked,
 }
 
@@ -52,10 +52,10 @@ impl Check for StoredBody {
     }
 }
 
-/// Changes that are not written to the directory yet.
+/// The ids of what has changed and is not written to the directory yet.
 #[derive(Clone, Debug, Default, Encode, Decode)]
 pub(super) struct Changes {
-    /// Bodies that came, went or changed their [`Life`].
+    /// Bodies that came, went, changed their [`Life`] or were altered.
     lives: BTreeSet<BodyId>,
     /// Bodies that moved.
     states: BTreeSet<BodyId>,
@@ -97,7 +97,8 @@ impl Record {
         Self { bodies, shapes, joints, changes: Changes::default() }
     }
 
-    /// Copies the record for another group: with `known`, its nodes hold it already; else it waits for nodes.
+    /// Copies the record for another group. With `known`, the group's nodes hold the bodies already.
+    /// Otherwise bodies wait for nodes.
     pub(super) fn copied(&self, known: bool) -> Self {
         let mut copy = Self { changes: Changes::default(), ..self.clone() };
         if known {
@@ -116,8 +117,8 @@ impl Record {
         copy
     }
 
-    /// Replaces all but avatars, and where those are that were saved too, by a saved world, which waits for nodes of views after this
-    /// one.
+    /// Replaces the world by a saved one. Avatars stay, and those that were saved too go to where they were
+    /// saved. Movable bodies wait for nodes of views after this one.
     pub(super) fn replace(&mut self, saved: &SavedWorld, view: ViewNumber) {
         let mut new = self.copied(false);
         new.bodies.retain(|id, _| id.client().is_some());
@@ -133,19 +134,19 @@ impl Record {
         new.joints = saved.joints.iter().filter(is_whole).cloned().collect();
         for entry in new.bodies.values_mut() {
             match entry.body.traits.kind {
-                // Nobody owns it: it is where the nodes are.
+                // Nobody owns a fixed body: it is wherever the nodes are.
                 BodyKind::Fixed => entry.life = Life::Live,
                 _ => entry.body.epoch = Epoch::placed_in(view.0).max(entry.body.epoch.next()),
             }
         }
         new.mark_all(Changes::default());
-        // What is not there any more is written down too.
+        // The ends of former bodies and joints are written down too.
         new.changes.lives.extend(self.bodies.keys());
         new.changes.joints.extend(self.joints.keys());
         *self = new;
     }
 
-    /// Returns a hash of the world as it is now: another scene has another one.
+    /// Returns a hash of the world as it is now, which tells scenes apart.
     pub fn fingerprint(&self) -> u64 {
         let mut hasher = blake3::Hasher::new();
         let parts = self.bodies.values().map(encode_value);
@@ -158,7 +159,8 @@ impl Record {
         u64::from_le_bytes(first)
     }
 
-    /// Marks everything as to be written to the directory, and what another record had marked: it may be gone from here.
+    /// Marks everything as to be written to the directory, also what another record had marked, which may be
+    /// gone from this one.
     pub(super) fn mark_all(&mut self, marked: Changes) {
         self.changes = marked;
         self.changes.lives.extend(self.bodies.keys());
@@ -181,8 +183,8 @@ impl Record {
         self.take_marks();
     }
 
-    /// Returns what has changed since the last call, as writes: lives of bodies, shapes and joints, or, if `soft`, states of
-    /// bodies that moved.
+    /// Returns what has changed since the last call, as writes: lives of bodies, shapes and joints or, if
+    /// `soft`, states of bodies that moved.
     pub(super) fn take_changes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
         if soft {
             let moved = std::mem::take(&mut self.changes.states);
@@ -223,7 +225,8 @@ impl Record {
         self.joints.insert(joint);
     }
 
-    /// Changes what a movable body or a joint is; returns whether it is on record.
+    /// Changes the properties of a movable body or a joint. Returns false, and changes nothing, if it is not
+    /// on record, or if a body is or would become fixed.
     pub(super) fn alter(&mut self, alteration: &Alteration) -> bool {
         match alteration {
             Alteration::Body { body, traits, user_data, wakes } => {
@@ -246,13 +249,13 @@ impl Record {
         true
     }
 
-    /// Forgets a joint; returns whether there was one.
+    /// Forgets a joint. Returns whether there was one.
     pub(super) fn remove_joint(&mut self, id: JointId) -> bool {
         self.changes.joints.insert(id);
         self.joints.remove(id).is_some()
     }
 
-    /// Returns the bodies of the world that a client has built, in id order.
+    /// Returns the bodies that a client has built, in id order.
     pub(super) fn built(&self, client: ClientId) -> impl Iterator<Item = &BodyRecord> {
         let range = BodyId::built(client, 0)..=BodyId::built(client, u32::MAX);
         self.bodies.range(range).map(|(_, entry)| &entry.body)
@@ -279,7 +282,8 @@ impl Record {
         self.joints.values()
     }
 
-    /// Returns the first ids that no persistent body and no joint has had so far.
+    /// Returns the next indices of persistent bodies and of joints: one beyond the highest on record. Bodies
+    /// and joints that clients built do not count.
     pub(super) fn next_ids(&self) -> (u32, u64) {
         let is_own = |id: &&BodyId| id.client().is_none() && id.builder().is_none();
         let body = self.bodies.keys().filter(is_own).map(|id| id.index()).max();
@@ -305,7 +309,7 @@ impl Record {
         shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash())).cloned().collect()
     }
 
-    /// Returns which shapes bodies have, and the parts of those.
+    /// Returns the hashes of the shapes of all bodies, and of their parts.
     pub(super) fn used_shapes(&self) -> BTreeSet<ShapeHash> {
         self.named_by(self.bodies.values().map(|entry| &entry.body))
     }
@@ -325,7 +329,7 @@ impl Record {
         named.iter().filter_map(|hash| self.shapes.get(hash)).cloned().collect()
     }
 
-    /// Forgets all shapes but these. Returns what it has forgotten.
+    /// Forgets all shapes but these. Returns the forgotten ones.
     pub(super) fn keep_shapes(&mut self, used: &BTreeSet<ShapeHash>) -> BTreeMap<ShapeHash, ShapeRecord> {
         let all = std::mem::take(&mut self.shapes).into_iter();
         let (kept, gone): (_, BTreeMap<_, _>) = all.partition(|(hash, _)| used.contains(hash));
@@ -349,7 +353,8 @@ impl Record {
         body.reach_m(|hash| self.shape(hash))
     }
 
-    /// Returns how to find a shape that is on record, or among these that are brought, each of which it hashes once.
+    /// Returns a function that finds a shape on record or among the `brought` ones. Each of these is hashed
+    /// once.
     pub(super) fn shapes_with<'a>(
         &'a self,
         brought: &'a [ShapeRecord],
@@ -358,12 +363,13 @@ impl Record {
         move |hash| brought.get(&hash).copied().or_else(|| self.shapes.get(&hash))
     }
 
-    /// Returns whether a body can be an avatar with its shapes, some of which it brought, and whether those can be built.
+    /// Returns whether a body can be an avatar with its shapes, of which `brought` may be new, and whether
+    /// these can be built.
     pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
         avatar.suits_clients(self.shapes_with(brought)) && can_build(&self.shapes, brought)
     }
 
-    /// Returns how many bodies are on record, those included that are not in the world now.
+    /// Returns how many bodies are on record, also those that are not in the world now.
     pub(super) fn len(&self) -> usize {
         self.bodies.len()
     }
@@ -386,7 +392,8 @@ impl Record {
             .map(|entry| &entry.body)
     }
 
-    /// Returns a client's avatars that are still on their way out and come back: they stand where they were until then.
+    /// Returns a client's avatars that are being removed although the client is back. Until they return they
+    /// stand where they were.
     pub(super) fn returning(&self, client: ClientId) -> impl Iterator<Item = &BodyRecord> {
         let avatars = self.avatars(client).into_iter();
         avatars.filter_map(|(id, life)| {
@@ -394,7 +401,8 @@ impl Record {
         })
     }
 
-    /// Returns the movable bodies with their lives; immovable ones have no owner, every node is sent them on joining.
+    /// Returns the movable bodies with their lives. Immovable ones have no owner: every node is sent them on
+    /// joining.
     pub(super) fn movable_lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
         self.bodies
             .iter()
@@ -425,12 +433,12 @@ impl Record {
         self.bodies.get_mut(&id).map(|entry| &mut entry.body)
     }
 
-    /// Takes a checkpoint in, unless something newer is known: (epoch, tick) decides.
+    /// Takes a checkpoint in, unless something newer is known. (epoch, tick) decides.
     pub(super) fn checkpoint(&mut self, tick: Tick, checkpoint: &BodyCheckpoint) {
         if let Some(entry) = self.bodies.get_mut(&checkpoint.id)
             && (entry.body.epoch, entry.tick) <= (checkpoint.epoch, tick)
         {
-            // What it is may have changed meanwhile.
+            // Only the state is taken: the body's properties may have changed meanwhile.
             entry.body.set_state(checkpoint.state);
             entry.body.epoch = checkpoint.epoch;
             entry.tick = tick;
@@ -438,21 +446,21 @@ impl Record {
         }
     }
 
-    /// Takes a whole body in, unless something newer is known, like [`Self::checkpoint`].
+    /// Takes a whole body in, unless something newer is known, as [`Self::checkpoint`] does.
     pub(super) fn freshen(&mut self, tick: Tick, body: BodyRecord) {
         if let Some(entry) = self.bodies.get_mut(&body.id)
             && (entry.body.epoch, entry.tick) <= (body.epoch, tick)
         {
             self.changes.states.insert(body.id);
-            // What it is, the server knows best.
+            // The server knows the body's properties best.
             entry.body.epoch = body.epoch;
             entry.body.set_state(body.state);
             entry.tick = tick;
         }
     }
 
-    /// Takes a body in as its owner holds it. The record may know of a later epoch, of a view that nobody came to compute: that
-    /// epoch stays.
+    /// Takes a body in as its owner holds it. The record may have a later epoch, from a view that nobody came
+    /// to compute. That epoch stays.
     pub(super) fn reclaim(&mut self, tick: Tick, body: BodyRecord) {
         if let Some(entry) = self.bodies.get_mut(&body.id)
             && entry.tick <= tick
@@ -464,15 +472,17 @@ impl Record {
         }
     }
 
-    /// Raises the epoch of a body that is placed anew in this view above all that it can have had before.
+    /// Raises the epoch of a body that is placed anew in this view above all epochs that it can have had
+    /// before.
     pub(super) fn renew(&mut self, id: BodyId, view: ViewNumber) {
         if let Some(entry) = self.bodies.get_mut(&id) {
-            // A node that counts wrong must not make its claims last.
+            // A node that counts epochs wrong must not make its claims last.
             entry.body.epoch = Epoch::placed_in(view.0).max(entry.body.epoch.next());
         }
     }
 
-    /// Returns shapes as chunks, each before the compounds that name it, without those of `known`, to which they are added.
+    /// Returns the shapes that are not in `known` as chunks, each shape before the compounds that name it,
+    /// and adds them to `known`.
     pub(super) fn shape_chunks(&self, known: &mut BTreeSet<ShapeHash>) -> Vec<Chunk> {
         let mut new: Vec<_> = self.shapes.iter().filter(|(hash, _)| !known.contains(hash)).collect();
         new.sort_by_key(|(_, shape)| shape.is_compound());
@@ -480,7 +490,7 @@ impl Record {
         chunks(new.into_iter().map(|(_, shape)| shape.clone()), Chunk::Shapes)
     }
 
-    /// Returns immovable bodies as chunks, without those of `known`, to which they are added.
+    /// Returns the immovable bodies that are not in `known` as chunks, and adds them to `known`.
     pub(super) fn scenery_chunks(&self, known: &mut BTreeSet<BodyId>) -> Vec<Chunk> {
         let new: Vec<_> = self
             .present()
@@ -496,8 +506,8 @@ impl Record {
         chunks(self.joints.values().filter(|joint| of(joint.a) || of(joint.b)).cloned(), Chunk::Joints)
     }
 
-    /// Returns the region that each of these ownerless bodies belongs to: assemblies (bodies held by joints) go whole, to the
-    /// region of their body with the lowest id.
+    /// Returns the region in which each of these ownerless bodies is placed. An assembly (bodies tied by
+    /// joints) goes whole to the region of its body with the lowest id.
     pub(super) fn place(&self, tree: &DistributionTree, ids: &BTreeSet<BodyId>) -> Vec<Placed> {
         let movable =
             |id| self.bodies.get(&id).is_some_and(|entry| entry.body.traits.kind != BodyKind::Fixed);
@@ -519,7 +529,7 @@ impl Record {
             .collect()
     }
 
-    /// Returns where the movable bodies that do not sleep are.
+    /// Returns the places of the movable bodies that do not sleep.
     pub(super) fn burdens(&self) -> impl Iterator<Item = Burden> {
         let awake = |body: &&BodyRecord| body.traits.kind != BodyKind::Fixed && !body.state.sleeping;
         self.present().filter(awake).map(|body| Burden {

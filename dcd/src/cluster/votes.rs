@@ -1,12 +1,13 @@
-//! Implements votes on the membership of groups while the world runs: inclusion and rejection by delay (thesis 3.3.9, 4.3.1.5,
-//! 4.3.2.7).
+//! Implements votes on the membership of groups while the world runs: inclusion and rejection by delay
+//! (thesis 3.3.9, 4.3.1.5, 4.3.2.7).
 //!
-//! Every node monitors its delays to the others ([`DelayMonitor`]) and calls for a vote; the server opens a poll or refuses
-//! ([`Polls`]), members answer by the delay that they perceive ([`VoteThresholds::ballot`]), and the motion passes or not
-//! ([`Motion::passes`]). An evicted node becomes a group of one.
+//! Every node monitors its delays to the others ([`DelayMonitor`]) and calls for a vote. The server opens a
+//! poll or refuses ([`Polls`]). Members answer by the delay that they measure ([`VoteThresholds::ballot`]),
+//! and the motion passes or not ([`Motion::passes`]). A node that is voted out becomes a group of one.
 //!
-//! Flapping is prevented by the gap between the thresholds, by three strikes before a vote, and on the server by one vote at a
-//! time for all nodes concerned, rests, a cap, and a stay that grows with each eviction.
+//! Several rules prevent flapping. At the nodes they are the gap between the thresholds, and three strikes
+//! before a vote. On the server they are one vote at a time for all nodes concerned, rests, a cap, and a stay
+//! that grows with each eviction.
 
 mod delay_monitor;
 #[cfg(test)]
@@ -21,43 +22,43 @@ use crate::space::NodeId;
 pub use self::delay_monitor::{DelayMonitor, DelayRules};
 pub use self::polls::{Call, Outcome, PollCounts, PollRules, Polls, VoteRefusal};
 
-/// The delay thresholds of votes, in milliseconds of round trips.
+/// The delay thresholds of votes: round trips in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoteThresholds {
-    /// Below this average a node belongs in the group.
+    /// The average delay below which a node belongs in the group.
     pub inclusion_ms: f64,
-    /// Above this average a node does not belong in the group.
+    /// The average delay above which a node does not belong in the group.
     pub rejection_ms: f64,
-    /// How far beyond `rejection_ms` the latest round trip may be as long as the average is good.
+    /// How far the latest round trip may exceed `rejection_ms` while the average is good.
     pub deviation_ms: f64,
 }
 
 /// An error in the settings of votes: they cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum VoteError {
-    /// See the message.
+    /// The thresholds are not positive and finite, or inclusion is not below rejection.
     #[error(
         "inclusion below {inclusion_ms} ms and rejection above {rejection_ms} ms: inclusion must be positive and \
          less than rejection, or nodes come and go for ever"
     )]
     Thresholds {
-        /// As given.
+        /// The given `inclusion_ms`.
         inclusion_ms: f64,
-        /// As given.
+        /// The given `rejection_ms`.
         rejection_ms: f64,
     },
-    /// See the message.
+    /// The tolerated deviation is not a finite number of at least 0. It holds the given one, in milliseconds.
     #[error("a tolerated deviation of {0} ms: give 0 or more")]
     Deviation(f64),
-    /// See the message.
+    /// The number of strikes is 0.
     #[error("a vote after 0 strikes: let there be at least 1")]
     NoStrikes,
-    /// See the message.
+    /// The cap allows no votes, or its window is empty.
     #[error("at most {max_votes} votes in {window:?}: both must be more than nothing")]
     NoVotes {
-        /// As given.
+        /// The given `max_votes`.
         max_votes: usize,
-        /// As given.
+        /// The given `window`.
         window: std::time::Duration,
     },
 }
@@ -65,33 +66,33 @@ pub enum VoteError {
 /// A node's measured delay to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PeerDelay {
-    /// Nothing yet.
+    /// Nothing has been measured yet.
     Unknown,
     /// The average of the last round trips, in milliseconds.
     AverageMs(f64),
-    /// It does not answer.
+    /// The other node does not answer.
     Unreachable,
 }
 
-/// A member's vote on a candidate, be the motion inclusion or rejection.
+/// A member's vote on a candidate, for both kinds of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ballot {
-    /// It shall be in the group: yes to inclusion, no to rejection.
+    /// The candidate shall be in the group: yes to inclusion, no to rejection.
     Include,
-    /// Undecided.
+    /// The member is undecided.
     Abstain,
-    /// It shall not be in the group: no to inclusion, yes to rejection.
+    /// The candidate shall not be in the group: no to inclusion, yes to rejection.
     Reject,
 }
 
 /// The counts of the ballots of a vote.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Ballots to include: I of the thesis.
+    /// The number of ballots to include; I in the thesis.
     pub include: u32,
-    /// Abstentions: A of the thesis.
+    /// The number of abstentions; A in the thesis.
     pub abstain: u32,
-    /// Ballots to reject: R of the thesis.
+    /// The number of ballots to reject; R in the thesis.
     pub reject: u32,
 }
 
@@ -117,7 +118,7 @@ impl VoteThresholds {
         Ok(self)
     }
 
-    /// Returns the ballot of a member that perceives this delay to a candidate (thesis 4.3.1.5).
+    /// Returns the ballot of a member that measures this delay to a candidate (thesis 4.3.1.5).
     pub fn ballot(&self, delay: PeerDelay) -> Ballot {
         match delay {
             PeerDelay::AverageMs(ms) if ms < self.inclusion_ms => Ballot::Include,
@@ -136,8 +137,8 @@ impl Motion {
         }
     }
 
-    /// Returns whether these ballots carry the motion (thesis 4.3.1.5). Inclusion: nobody against and somebody for. Rejection:
-    /// I + 0.5A − 2R < 0.
+    /// Returns whether these ballots carry the motion (thesis 4.3.1.5). Inclusion passes if nobody is against
+    /// it and somebody is for it. Rejection passes if I + 0.5A − 2R < 0.
     pub const fn passes(self, tally: Tally) -> bool {
         let Tally { include, abstain, reject } = tally;
         match self {

@@ -10,13 +10,15 @@ pub struct BodyView {
     pub body: BodyRecord,
     /// The tick of that state.
     pub tick: Tick,
-    /// Whether its state is of a speculative tick: a guess, until one that is not comes.
+    /// Whether its state is of a speculative tick: a guess, until a state comes that is not.
     pub speculative: bool,
-    /// Whether it was outside the client's area of interest when it was last heard of, or is since: it may be elsewhere.
+    /// Whether it was outside the client's area of interest when it was last heard of, or has been since. It
+    /// may then be elsewhere.
     pub outside: bool,
-    /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative states do not count.
+    /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative
+    /// states do not count.
     pub owner: Option<RegionId>,
-    /// Epoch and tick of the newest state that is not speculative.
+    /// The epoch and tick of the newest state that is not speculative.
     pub(super) settled: (Epoch, Tick),
 }
 
@@ -26,7 +28,8 @@ impl BodyView {
         Self { settled, body, tick: Tick(0), speculative: false, outside: false, owner: None }
     }
 
-    /// Takes a state in, unless something newer is known; returns whether it was news, and a change of owner. A speculative state never counts against one that is not.
+    /// Takes a state in, unless something newer is known. Returns whether it was news, and a change of owner.
+    /// A speculative state never counts against one that is not.
     pub(super) fn learn(
         &mut self,
         state: &SharedState,
@@ -53,7 +56,7 @@ impl BodyView {
             self.body.state.sleeping = state.sleeping;
             self.outside = outside;
         }
-        // A node that computes speculatively owns nothing of the others.
+        // A node that computes speculative ticks owns nothing of the others' bodies.
         let from = if is_news && !speculative { self.owner.replace(state.owner) } else { None };
         let from = from.filter(|from| *from != state.owner);
         (is_news, from.map(|from| Handover { body: state.id, from, to: state.owner }))

@@ -1,5 +1,5 @@
-//! Sends what a client builds to the server, and keeps it until that is on record there: a server that comes back is told again what it
-//! may not have written down, with shapes that the world has forgotten meanwhile.
+//! Sends what a client builds to the server, and keeps it until that is on record there. A server that comes
+//! back is sent again what it may not have written down, with shapes that the world has forgotten meanwhile.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,17 +12,18 @@ use crate::protocol::{
 
 /// The most bytes that may wait for the server's word.
 const MAX_WAITING_BYTES: usize = 8 << 20;
-/// The most bytes of shapes that come along with more than the first that names them.
+/// The most bytes of shapes that are brought again with operations after the first that names them.
 const MAX_BROUGHT_BYTES: usize = 1 << 20;
 
-/// What a client has asked to be built and has no answer to, in order.
+/// The operations that a client has asked to be built and that have no answer, in order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Building {
-    /// How often its user has asked, and how many messages that took.
+    /// The number of requests of the user, and of messages that they took.
     requests: u64,
     messages: u64,
     waiting: BTreeMap<u64, Waiting>,
-    /// Shapes that what waits names, was sent without, and that the world has forgotten since.
+    /// Shapes that waiting operations name, that were not sent with them, and that the world has forgotten
+    /// since.
     forgotten: BTreeMap<ShapeHash, ShapeRecord>,
     /// The indices of the next body and the next joint, as the server said.
     pub(super) next: (u32, u32),
@@ -31,7 +32,7 @@ pub(super) struct Building {
 /// A message that the server has not answered.
 #[derive(Clone, Debug)]
 struct Waiting {
-    /// The request of the user that it belongs to.
+    /// The user's request that it belongs to.
     request: u64,
     bytes: usize,
     ops: Vec<BuildOp>,
@@ -46,13 +47,14 @@ impl Building {
         }
     }
 
-    /// Forgets what the server has not answered: the world is another.
+    /// Forgets what the server has not answered, since the world is another.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.forgotten.clear();
     }
 
-    /// Keeps those of these shapes, which the world has forgotten, that what waits names; the others are known.
+    /// Takes in shapes that the world has forgotten, and keeps those that waiting operations name. `known`
+    /// are the other shapes.
     pub(super) fn keep_named(
         &mut self,
         gone: BTreeMap<ShapeHash, ShapeRecord>,
@@ -73,8 +75,9 @@ impl Building {
         })
     }
 
-    /// Adds the shapes to what is to be built that it lacks since the world has forgotten them, as far as they fit into a message. Those that were
-    /// `brought` with something before it are brought again, while that takes little: what brought them may be refused.
+    /// Adds to an operation the shapes that it lacks since the world has forgotten them, as far as they fit
+    /// into a message. Shapes that were `brought` with an operation before are brought again while that takes
+    /// little: that operation may be refused.
     fn bring_along(
         &self,
         mut op: BuildOp,
@@ -101,7 +104,7 @@ impl Building {
     }
 }
 
-/// Returns messages of what is to be built, in order, and what fits into none.
+/// Returns the operations packed into messages, in order, and those that fit into none.
 fn packed(ops: impl IntoIterator<Item = BuildOp>) -> (Vec<Vec<BuildOp>>, Vec<BuildOp>) {
     let parts = ops.into_iter().flat_map(|op| op.in_parts(BUILD_BYTES));
     let (fitting, too_long): (Vec<_>, Vec<_>) = parts.partition(|op| encoded_len(op) <= BUILD_BYTES);
@@ -116,18 +119,19 @@ fn packed(ops: impl IntoIterator<Item = BuildOp>) -> (Vec<Vec<BuildOp>>, Vec<Bui
 }
 
 impl Client {
-    /// Returns the indices of the next body and the next joint that it may build, as the server said when it joined.
+    /// Returns the indices of the next body and the next joint that the client may build, as the server said
+    /// when it joined.
     pub fn next_built(&self) -> (u32, u32) {
         self.building.next
     }
 
-    /// Returns how many requests to build, from the first on, the server has answered.
+    /// Returns how many requests to build, counted from the first without a gap, the server has answered.
     pub fn answered_builds(&self) -> u64 {
         let first = self.building.waiting.values().next();
         first.map_or(self.building.requests, |waiting| waiting.request - 1)
     }
 
-    /// Sends what is to be built; what waits for the server is sent once it has welcomed us.
+    /// Sends what is to be built. What waits for the server is sent once it has welcomed the client.
     pub(super) fn build(&mut self, ops: Vec<BuildOp>) {
         self.building.requests += 1;
         let (messages, too_long) = packed(ops);
@@ -144,7 +148,7 @@ impl Client {
         self.building.messages += 1;
         let (number, request) = (self.building.messages, self.building.requests);
         self.building.waiting.insert(number, Waiting { request, bytes, ops: ops.clone() });
-        // Those that wait come before it.
+        // Otherwise it is sent later, after those that wait.
         if self.server_linked && self.joined && !self.greeted {
             self.ask_server(FromClient::Build { number, ops });
         }
@@ -160,8 +164,9 @@ impl Client {
         }
     }
 
-    /// Sends what the server has not answered, when the world has arrived, perhaps anew, unless that shows that it was done. Velocities
-    /// and pushes of before are not meant for now, and of alterations of the same only the last.
+    /// Sends what the server has not answered again, when the world has arrived, perhaps anew. Left out are
+    /// insertions that the world shows as done, velocities and pushes, which were meant for another time, and
+    /// all alterations of the same thing except the last.
     pub(super) fn build_again(&mut self) {
         let mut waiting = std::mem::take(&mut self.building.waiting);
         let wakes = |op: &BuildOp| match op {
@@ -177,7 +182,7 @@ impl Client {
                 BuildOp::Insert { bodies, .. } => {
                     bodies.iter().any(|body| !self.bodies.contains_key(&body.id))
                 }
-                // It may be where this client hears of nothing.
+                // The body or joint may be where this client hears of nothing.
                 BuildOp::Remove(_) | BuildOp::RemoveJoint(_) => true,
                 BuildOp::Alter(Alteration::Body { body, wakes, .. }) => {
                     *wakes |= woken.contains(body);
@@ -198,7 +203,8 @@ impl Client {
         self.building.waiting = waiting;
     }
 
-    /// Returns what waits with the shapes that it lacks by now, in new messages: in those that it was sent in there may be no room for them.
+    /// Returns what waits with the shapes that it lacks by now, in new messages: the former ones may have no
+    /// room for them.
     fn bring_shapes_along(&mut self, waiting: BTreeMap<u64, Waiting>) -> BTreeMap<u64, Waiting> {
         let (mut again, mut brought) = (BTreeMap::new(), Default::default());
         for Waiting { request, ops, .. } in waiting.into_values() {

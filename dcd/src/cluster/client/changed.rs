@@ -1,4 +1,4 @@
-//! Notes which bodies a client knows otherwise than before, so that who keeps a copy of them need not copy all.
+//! Notes which bodies have changed at a client, so that a user who keeps a copy of them need not copy all.
 
 use std::collections::BTreeSet;
 
@@ -6,12 +6,13 @@ use super::Client;
 use crate::space::BodyId;
 
 impl Client {
-    /// Takes which bodies are new, otherwise, or gone since this was called last; `None`: any may be.
+    /// Takes the set of bodies that are new, changed or gone since the last call; `None`: any may be.
     pub fn take_changed(&mut self) -> Option<BTreeSet<BodyId>> {
         self.changed.replace(BTreeSet::new())
     }
 
-    /// Notes that a body is new, otherwise, or gone. Of more than half of all bodies a list saves nothing; and nobody may ever take it.
+    /// Notes that a body is new, changed or gone. A list of more than half of all bodies would save nothing,
+    /// and nobody may ever take it.
     pub(super) fn note_change(&mut self, id: BodyId) {
         if let Some(changed) = &mut self.changed {
             changed.insert(id);

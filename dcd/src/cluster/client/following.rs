@@ -1,15 +1,18 @@
-//! Follows the leader of a client's group: over which link it is told of the world, and which ticks that is of.
+//! Follows the leader of a client's group: over which link the client is told of the world, and which ticks
+//! that is of.
 
 use super::{Client, ClientOutput};
 use crate::cluster::Peer;
 use crate::protocol::{Member, Stamp};
 
-/// A leader whose first states are so much older than what was told before has gone back: no message is as late.
+/// The ticks by which the first states of a leader must be older than what was told before for the leader to
+/// have gone back: no message is as late.
 const GOES_BACK_TICKS: u64 = 60;
 
 impl Client {
-    /// Takes in which tick states are of. Where those who had computed most of a group are lost, it goes back to what others, or its
-    /// record, had: then ticks are counted anew from the first one that its next leader tells.
+    /// Takes in the tick of states that have come. Where the nodes that had computed most of a group are
+    /// lost, the group goes back to what the others, or its record, had. Ticks are then counted anew from the
+    /// first that its next leader tells.
     pub(super) fn hear_tick(&mut self, stamp: &Stamp) {
         if !stamp.speculative {
             let is_first = std::mem::take(&mut self.is_leader_new);
@@ -24,7 +27,7 @@ impl Client {
 
     /// Follows a leader from now on, over a link of its own.
     pub(super) fn follow(&mut self, leader: Option<Member>) {
-        // One that was started again elsewhere is another, whatever its link seems to be.
+        // A leader that was started again elsewhere is another, whatever its link seems to be.
         let place = |member: &Member| (member.node, member.address);
         let (former, next) = (self.leader.as_ref().map(place), leader.as_ref().map(place));
         self.leader = leader.clone();

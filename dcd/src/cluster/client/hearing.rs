@@ -1,10 +1,11 @@
-//! Keeps a client's area of interest: leader and server are told of it, and bodies beyond it may be elsewhere than where they are known to be.
+//! Keeps a client's area of interest: leader and server are told of it, and bodies beyond it may be elsewhere
+//! than where they are known to be.
 
 use super::{BodyView, Client};
 use crate::protocol::{Area, BodyKind, BodyRecord, FromClient, WorldPose};
 use crate::space::{BodyId, ClientId};
 
-/// The area of which the leader sends a client all that moves.
+/// The area in which the leader sends a client everything that moves.
 pub(super) struct Hearing {
     client: ClientId,
     /// Its area of interest, and areas around its avatars; `None`: everywhere.
@@ -12,7 +13,7 @@ pub(super) struct Hearing {
 }
 
 impl Hearing {
-    /// Returns whether it is sent a body at this pose whenever that moves.
+    /// Returns whether the client is sent a body at this pose whenever that moves.
     pub(super) fn follows(&self, id: BodyId, pose: &WorldPose) -> bool {
         let Some(areas) = &self.areas else { return true };
         id.client() == Some(self.client) || areas.iter().any(|area| area.covers(pose.translation))
@@ -25,7 +26,7 @@ impl Hearing {
 }
 
 impl Client {
-    /// Returns the area of which the leader sends it all that moves.
+    /// Returns the area in which the leader sends the client everything that moves.
     pub(super) fn hearing(&self) -> Hearing {
         let around = |view: &BodyView| Area::around_avatar(view.body.state.pose.translation);
         let areas =
@@ -43,7 +44,7 @@ impl Client {
             return;
         }
         self.area = area;
-        // What comes into the area counts as outside until it is heard of.
+        // A body that comes into the area counts as outside until it is heard of.
         let hearing = self.hearing();
         for BodyView { body, outside, .. } in self.bodies.values_mut() {
             *outside |= hearing.misses(body);
@@ -58,7 +59,7 @@ impl Client {
         }
     }
 
-    /// Sends the area of interest to the leader; the next one is sent it anew.
+    /// Sends the area of interest to the leader. The next leader is sent it anew.
     pub(super) fn send_interest(&mut self) {
         self.tell_leader(FromClient::Interest(self.area));
     }

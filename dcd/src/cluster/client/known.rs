@@ -1,4 +1,4 @@
-//! Reads what a client knows of its world, and takes what it was told.
+//! Gives access to what a client knows of its world, and to what it was told since the last call.
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
@@ -17,12 +17,12 @@ impl Client {
         self.receiver.tally()
     }
 
-    /// Returns the bytes that states of bodies took, the costliest first.
+    /// Returns the bodies whose states took most bytes, with these bytes, the costliest first.
     pub fn costliest(&self, count: usize) -> Vec<(BodyId, f64)> {
         self.receiver.costliest(count)
     }
 
-    /// Returns its id.
+    /// Returns the client's id.
     pub fn id(&self) -> ClientId {
         self.id
     }
@@ -42,7 +42,8 @@ impl Client {
         self.replacements
     }
 
-    /// Returns the leader that this process should hear from and has no link to; none where its own node tells it.
+    /// Returns the leader that this process should hear from and has no link to; none if the leader reaches
+    /// it through its own node.
     pub fn unheard_leader(&self) -> Option<&Member> {
         self.leader.as_ref().filter(|_| self.node.is_none() && !self.linked)
     }
@@ -62,12 +63,13 @@ impl Client {
         self.allocation.get(&region).copied()
     }
 
-    /// Returns the group that it plays with, as far as known: epochs and ticks of different groups do not compare.
+    /// Returns the client's group, as far as known. Epochs and ticks of different groups do not compare.
     pub fn group(&self) -> Option<GroupId> {
         self.group
     }
 
-    /// Returns the newest tick heard of, speculative ones included; in a world at rest too, every five seconds or so.
+    /// Returns the newest tick heard of, speculative ones included. In a world at rest it advances every five
+    /// seconds or so.
     pub fn tick(&self) -> Tick {
         self.tick
     }
@@ -82,13 +84,13 @@ impl Client {
         self.bodies.values()
     }
 
-    /// Returns the bodies whose ids follow one, or all, in id order.
+    /// Returns the bodies whose ids follow this one, or all, in id order.
     pub fn bodies_after(&self, id: Option<BodyId>) -> impl Iterator<Item = &BodyView> {
         let from = id.map_or(Bound::Unbounded, Bound::Excluded);
         self.bodies.range((from, Bound::Unbounded)).map(|(_, view)| view)
     }
 
-    /// Returns its avatars in the world, in id order.
+    /// Returns the client's avatars in the world, in id order.
     pub fn own_avatars(&self) -> impl Iterator<Item = &BodyView> {
         let own = BodyId::avatar(self.id, 0)..=BodyId::avatar(self.id, u32::MAX);
         self.bodies.range(own).map(|(_, view)| view)
@@ -99,17 +101,17 @@ impl Client {
         &self.shapes
     }
 
-    /// Returns a joint of bodies that it was told of.
+    /// Returns a joint of bodies that the client was told of.
     pub fn joint(&self, id: JointId) -> Option<&JointRecord> {
         self.joints.get(&id)
     }
 
-    /// Returns the joints of the bodies that it was told of, in id order.
+    /// Returns the joints of the bodies that the client was told of, in id order.
     pub fn joints(&self) -> impl Iterator<Item = &JointRecord> {
         self.joints.values()
     }
 
-    /// Returns the joints of a body that it was told of, in id order.
+    /// Returns the joints of a body that the client was told of, in id order.
     pub fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
         self.joints.of(body)
     }
@@ -124,13 +126,13 @@ impl Client {
         std::mem::take(&mut self.forces).into_iter()
     }
 
-    /// Returns the changes of owner that were heard of since the last call, in the order in which they were heard of. Owners in
-    /// between that were not heard of are left out.
+    /// Returns the changes of owner that were heard of since the last call, in the order in which they were
+    /// heard of. Owners in between that were not heard of are left out.
     pub fn take_handovers(&mut self) -> impl Iterator<Item = Handover> {
         std::mem::take(&mut self.handovers).into_iter()
     }
 
-    /// Returns the answer to a question, if it has come, and forgets it.
+    /// Takes the answer to a query, if it has come.
     pub fn take_answer(&mut self, number: u64) -> Option<QueryResult> {
         self.answers.remove(&number)
     }

@@ -1,4 +1,5 @@
-//! Keeps the newest inputs of a client's avatars, and says those again to a new leader, or over a new link, that nobody may have heard.
+//! Keeps the newest inputs of a client's avatars, and sends those again, to a new leader or over a new link,
+//! that nobody may have heard.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,11 +9,12 @@ use crate::cluster::Peer;
 use crate::protocol::{FromClient, Input, Message};
 use crate::space::BodyId;
 
-/// An input that a leader has answered is not said again to the next one when it is older than this: much may have happened since.
+/// The age up to which an input that a leader has answered is sent again to the next leader: later, much may
+/// have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
 
-/// A jump that was done, or may have been without an answer, is said again for so long, as the leader may have taken it with it: by then the
-/// avatar has moved on.
+/// The age up to which a jump that was done, or may have been without an answer, is sent again, as the last
+/// leader may have taken it with it. Later, the avatar has moved on.
 const JUMP_MEANT: Duration = Duration::from_secs(1);
 
 /// The newest input of each kind for each avatar.
@@ -29,15 +31,16 @@ struct Kept {
     /// The logical time of the input that said where it jumps, and when that was.
     jumped: u64,
     jumped_at: Duration,
-    /// Says whether that was sent to anybody.
+    /// Whether that jump was sent to anybody.
     is_jump_sent: bool,
     made: Duration,
-    /// Says whether a leader has refused it, or one for the same avatar soon before it.
+    /// Whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
 }
 
 impl NewestInputs {
-    /// Keeps an input in place of the one of its kind before, and where that jumped if no leader has answered it.
+    /// Keeps an input in place of the last one of its kind, with the jump of that one if no leader has
+    /// answered it.
     pub(super) fn keep(&mut self, input: Input, now: Duration, is_sent: bool) {
         let is_open = |kept: &&Kept| kept.jumped > self.applied && !kept.is_refused;
         let before = self.inputs.get(&input.slot()).filter(|_| input.pose.is_none()).filter(is_open);
@@ -58,13 +61,13 @@ impl NewestInputs {
         self.applied = self.applied.max(logical_time);
     }
 
-    /// Notes that an input for an avatar is refused: those that are kept may be the ones.
+    /// Notes that an input for an avatar is refused. It may be any of those that are kept.
     pub(super) fn are_refused(&mut self, avatar: BodyId) {
         let of_it = self.inputs.range_mut((avatar, false)..=(avatar, true));
         of_it.for_each(|(_, kept)| kept.is_refused = true);
     }
 
-    /// Notes that jumps that nobody had been told are said now.
+    /// Notes that jumps that were not sent to anybody are sent now.
     fn are_said(&mut self, now: Duration) {
         for kept in self.inputs.values_mut().filter(|kept| !kept.is_jump_sent) {
             (kept.is_jump_sent, kept.jumped_at) = (true, now);
@@ -81,8 +84,9 @@ impl NewestInputs {
         self.inputs.clear();
     }
 
-    /// Returns the inputs to say to a leader that is new, in the order in which they were made: leaders refuse those that are older than
-    /// one before. What no leader has answered nobody may have heard, however old it is; the rest may be gone with the leader before.
+    /// Returns the inputs to send to a new leader, in the order in which they were made: a leader refuses an
+    /// input that is older than one before. An input that no leader has answered is sent however old it is,
+    /// since nobody may have heard it. The others may be lost with the leader before.
     fn to_say_again(&self, now: Duration) -> Vec<Input> {
         let is_due = |kept: &&Kept| {
             let is_answered = kept.is_refused || kept.input.logical_time <= self.applied;
@@ -93,7 +97,8 @@ impl NewestInputs {
             let is_recent = kept.jumped_at + JUMP_MEANT >= now;
             let jumps = match kept.jumped == kept.input.logical_time {
                 true => is_open || is_recent,
-                // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
+                // The jump came with an older input. If a leader has answered that one, or may have done it
+                // long ago, the avatar does not jump again.
                 false => is_open && (!kept.is_jump_sent || is_recent),
             };
             Input { pose: kept.input.pose.filter(|_| jumps), ..kept.input }
@@ -124,12 +129,12 @@ impl Client {
                 let to = Peer::Node(member.node);
                 self.send(to, Message::FromClient(self.id, input));
             }
-            // The newest waits for the link.
+            // The newest input waits for the link.
             Some(_) => {}
         }
     }
 
-    /// Says the inputs again that a new leader may not know.
+    /// Sends the inputs again that a new leader may not know.
     pub(super) fn say_inputs_again(&mut self) {
         for input in self.newest.to_say_again(self.now) {
             self.send_input(input);
@@ -198,7 +203,7 @@ mod tests {
         newest.keep(input(3, None), Duration::ZERO, true);
         let again = |newest: &NewestInputs| newest.to_say_again(Duration::ZERO);
         assert_eq!(again(&newest), [input(3, Some(pose))]);
-        // The leader has done the jump, and this one not yet.
+        // The leader has done the jump, and not yet the newest input.
         newest.are_applied(1);
         assert_eq!(again(&newest), [input(3, None)]);
         newest.keep(input(4, None), Duration::ZERO, true);

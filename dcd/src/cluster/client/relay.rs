@@ -1,5 +1,6 @@
-//! Follows the member that tells a client the states of bodies in its leader's place (a relay), over a link of its own. All else goes over the
-//! link to the leader, who tells the client itself when that link fails.
+//! Follows the member that tells a client the states of bodies in its leader's place (a relay), over a link
+//! of its own. Everything else goes over the link to the leader, which tells the client itself when that link
+//! fails.
 
 use std::time::Duration;
 
@@ -8,7 +9,7 @@ use crate::cluster::Peer;
 use crate::protocol::{FromClient, Member, Message, Part, ToClient};
 use crate::space::NodeId;
 
-/// The time after which a relay is dialled again that was silent, or could not be reached.
+/// The time after which a relay that was silent, or could not be reached, is dialled again.
 const LATER: Duration = Duration::from_secs(10);
 
 /// The relay, as the leader has named it.
@@ -17,9 +18,9 @@ pub(super) struct Relay {
     member: Option<Member>,
     pub(super) linked: bool,
     dial_at: Option<Duration>,
-    /// Says whether the newest states came from it: they are acknowledged to it.
+    /// Whether the newest states came from it: they are acknowledged to it.
     tells: bool,
-    /// Says whether it is silent, and has been asked whether it is there.
+    /// Whether it is silent, and has been asked whether it is there.
     asked: bool,
 }
 
@@ -29,29 +30,29 @@ impl Relay {
         self.member.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
 
-    /// Returns it, if the newest states came from there and the link stands.
+    /// Returns the relay, if the newest states came from it and its link stands.
     pub(super) fn teller(&self) -> Option<NodeId> {
         self.member.as_ref().filter(|_| self.linked && self.tells).map(|member| member.node)
     }
 
-    /// Returns when it is dialled again.
+    /// Returns when the relay is dialled again.
     pub(super) fn timeout(&self) -> Option<Duration> {
         self.dial_at
     }
 
-    /// Notes that it has answered.
+    /// Notes that the relay has answered.
     pub(super) fn answered(&mut self) {
         self.asked = false;
     }
 }
 
-/// Returns whether a relay tells a client this.
+/// Returns whether a relay may send a client this.
 pub(super) fn is_of_relay(message: &ToClient) -> bool {
     matches!(message, ToClient::States { .. } | ToClient::CompactStates { .. })
 }
 
 impl Client {
-    /// Returns the member that tells it states in the leader's place, if one does.
+    /// Returns the member that tells the client states in the leader's place, if one does.
     #[doc(hidden)]
     pub fn told_by(&self) -> Option<NodeId> {
         self.relay.teller()
@@ -68,7 +69,7 @@ impl Client {
         }
     }
 
-    /// Returns whether a peer is who tells it states: the relay, or else the leader.
+    /// Returns whether a peer tells the client states: the relay, or else the leader.
     pub(super) fn is_teller(&self, peer: Peer) -> bool {
         match self.relay.teller() {
             Some(relay) => peer == Peer::Node(relay),
@@ -76,11 +77,11 @@ impl Client {
         }
     }
 
-    /// Takes in who tells it states from now on.
+    /// Takes in which relay, if any, tells the client states from now on.
     pub(super) fn turn_to_relay(&mut self, relay: Option<Member>) {
         let is_leader = |member: &Member| self.is_leader(Peer::Node(member.node));
         let relay = relay.filter(|member| self.node.is_none() && !is_leader(member));
-        // One that is linked is named again in each view.
+        // A relay that is linked is named again in each view.
         if self.relay.member == relay && (self.relay.linked || self.relay.dial_at.is_some()) {
             return;
         }
@@ -95,7 +96,8 @@ impl Client {
         self.outputs.extend(former.member.map(|member| ClientOutput::Disconnect(member.node)));
     }
 
-    /// Takes its link for that to a leader, which it has become. Returns whether it stands.
+    /// Keeps the relay's link as that to the leader, if the relay has become the leader; ends it otherwise.
+    /// Returns whether the leader is linked so.
     pub(super) fn relay_leads(&mut self, leader: Option<&Member>) -> bool {
         if self.relay.member.is_none() || self.relay.member.as_ref() != leader {
             self.leave_relay();
@@ -108,10 +110,10 @@ impl Client {
         (self.relay.linked, self.relay.dial_at) = (true, None);
     }
 
-    /// Takes in that its link is gone, or could not be made. The leader is told so though the relay has told nothing: that may still have an
-    /// older link of the client's, and have said that it is there.
+    /// Takes in that the relay's link is gone, or could not be made. The leader is told so even if the relay
+    /// has told nothing: the relay may have an older link of the client's, and have said that it is there.
     pub(super) fn relay_disconnected(&mut self, now: Duration) {
-        // It was left, and is dialled later.
+        // The client has left it, and dials it later.
         if self.relay.dial_at.is_some() {
             return;
         }
@@ -124,15 +126,16 @@ impl Client {
         self.relay.dial_at = Some(now + if was_linked { AGAIN } else { LATER });
     }
 
-    /// Notes who has told a part, if it is one of the newest series: leaders and relays take turns, and a later one has later series.
+    /// Notes who has told a part, if the part is of the newest series: leaders and relays take turns, and a
+    /// later turn has later series.
     pub(super) fn note_teller(&mut self, from: Option<Peer>, part: &Part) {
         if self.receiver.series() == Some(part.series) {
             self.relay.tells = from.is_some_and(|from| self.relay.is(from));
         }
     }
 
-    /// Gives a relay up for a while that is silent though it was asked, or never told anything: the leader is to tell the client itself. Returns
-    /// it if it is to be asked.
+    /// Gives a relay up for a while if it is silent though it was asked, or never told anything: the leader
+    /// is to tell the client itself. Returns the relay if it is to be asked.
     pub(super) fn doubt_relay(&mut self, now: Duration) -> Option<Peer> {
         let teller = self.relay.teller();
         if let Some(relay) = teller

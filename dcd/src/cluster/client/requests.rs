@@ -1,4 +1,4 @@
-//! Asks the server for avatars, and for their end, again until it is known what became of that.
+//! Asks the server for avatars, and for their end, again and again until the outcome is known.
 
 use super::{Client, ClientOutput};
 use crate::cluster::Peer;
@@ -8,7 +8,7 @@ use crate::protocol::{
 use crate::space::BodyId;
 
 impl Client {
-    /// Asks for an avatar. Of a client alone nothing longer than a frame is read.
+    /// Asks for an avatar. Nothing longer than a frame is read from a client without a node.
     pub(super) fn spawn(&mut self, body: BodyRecord, shapes: Vec<ShapeRecord>) {
         let id = body.id;
         let message = FromClient::Spawn { body, shapes };
@@ -21,12 +21,13 @@ impl Client {
         }
     }
 
-    /// Sends what lasts to the server, whose record outlives every leader.
+    /// Sends a message to the server. Everything that lasts goes there: the server's record outlives every
+    /// leader.
     pub(super) fn ask_server(&mut self, message: FromClient) {
         self.send(Peer::Server, Message::FromClient(self.id, message));
     }
 
-    /// Sends the leader what concerns it, if it can be told.
+    /// Sends the leader a message, if there is a way to it.
     pub(super) fn tell_leader(&mut self, input: FromClient) {
         match &self.leader {
             Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
@@ -38,7 +39,8 @@ impl Client {
         }
     }
 
-    /// Sends a request to the server, again until it is answered; while the world is told over a new link, as soon as it has arrived.
+    /// Sends a request to the server, again until it is answered. While the world is told over a new link,
+    /// the request is sent once the world has arrived.
     pub(super) fn want(&mut self, message: FromClient) {
         self.unanswered.push(message.clone());
         if !self.relinked {
@@ -46,9 +48,10 @@ impl Client {
         }
     }
 
-    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this; returns whether anything was.
+    /// Forgets the request about an avatar that this answers: the avatar is in the world or gone (no
+    /// refusal), or the request was refused. Returns whether there was one.
     pub(super) fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) -> bool {
-        // Others are of inputs: that it is to go was not refused.
+        // Other refusals concern inputs, not a removal.
         let is_known = matches!(refusal, None | Some(Refusal::NotYours | Refusal::Unknown));
         let is_of = |message: &FromClient| match message {
             FromClient::Spawn { body, .. } => body.id == id,
@@ -65,12 +68,13 @@ impl Client {
             .any(|message| matches!(message, FromClient::Spawn { body, .. } if body.id == id))
     }
 
-    /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they were done.
+    /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they
+    /// were done.
     pub(super) fn say_again(&mut self) {
         for message in std::mem::take(&mut self.unanswered) {
             let is_done = match &message {
                 FromClient::Spawn { body, .. } => self.bodies.contains_key(&body.id),
-                // One that is asked for again is to go again.
+                // An avatar that is asked for again is to be removed again.
                 FromClient::Despawn(id) => !self.bodies.contains_key(id) && !self.has_asked_for(*id),
                 _ => true,
             };

@@ -1,4 +1,5 @@
-//! Keeps the shapes of the world that a client is told of, until the server says that no body has them any more.
+//! Keeps the shapes of the world that a client is told of, until the server says that no body has them any
+//! more.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +15,7 @@ impl Client {
         }
     }
 
-    /// Forgets shapes that are gone from the world, but those of bodies that it knows.
+    /// Forgets shapes that are gone from the world, except those of bodies that the client knows.
     pub(super) fn forget_shapes(&mut self, gone: &BTreeSet<ShapeHash>) {
         if gone.is_empty() {
             return;
@@ -28,7 +29,7 @@ impl Client {
     }
 }
 
-/// Returns the shapes that bodies name, and the parts of those that are found.
+/// Returns the shapes that bodies name, and the parts of those that `find` returns.
 pub(super) fn named<'a, 'b>(
     bodies: impl Iterator<Item = &'b BodyRecord>,
     find: impl Fn(&ShapeHash) -> Option<&'a ShapeRecord>,

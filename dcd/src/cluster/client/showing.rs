@@ -1,4 +1,5 @@
-//! Shows a client's world smoothly: feeds its playback with states and with the leader's clock, and measures how long inputs take.
+//! Shows a client's world smoothly: feeds its playback with states and with the leader's clock, and measures
+//! how long inputs take.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,10 +12,11 @@ use crate::space::{BodyId, NodeId, Tick};
 
 /// The most inputs that wait to be applied.
 const WAITING: usize = 256;
-/// The delays of inputs by which the median is taken.
+/// The number of delays of inputs of which the median is taken.
 const DELAYS: usize = 33;
 
-/// Keeps what a client shows, once its user asked for a time to show: nobody pays who does not.
+/// The state of what a client shows, from when its user first asks for a time to show: nobody else pays for
+/// it.
 #[derive(Clone, Debug)]
 pub(super) struct Showing {
     playback: Playback,
@@ -39,7 +41,7 @@ impl Showing {
         self.set_clock(now, from);
     }
 
-    /// Sets the leader's clock as the pings so far have it; the older they are, the less they say.
+    /// Sets the leader's clock as the pings so far have it. The older they are, the less they say.
     fn set_clock(&mut self, now: Duration, leader: Peer) {
         if let Some(clock) = self.pinger.clock(now, leader) {
             self.playback.set_offset_us(clock.offset_us, clock.error_us);
@@ -49,7 +51,7 @@ impl Showing {
         }
     }
 
-    /// Has another leader, or the same over a new link.
+    /// Notes that the leader is linked, perhaps the same one over a new link.
     pub(super) fn connected(&mut self, now: Duration, leader: Peer) {
         self.pinger.add(now, leader);
     }
@@ -58,14 +60,15 @@ impl Showing {
         self.pinger.remove(leader);
     }
 
-    /// Has another leader, whose clock is another.
+    /// Notes that there is another leader, whose clock is another.
     pub(super) fn change_leader(&mut self, former: Option<NodeId>) {
         former.into_iter().for_each(|node| self.pinger.remove(Peer::Node(node)));
         self.playback.change_leader();
         self.lead.change_leader();
     }
 
-    /// Begins to count ticks anew with the next one heard of: that of another group, or of a world that was restored.
+    /// Begins to count ticks anew with the next one heard of: that of another group, or of a world that was
+    /// restored.
     pub(super) fn recount(&mut self) {
         self.playback.recount();
         self.lead.recount();
@@ -79,7 +82,7 @@ impl Showing {
         self.inputs.sent(Sent { body, logical_time, at: now, named, world_tick });
     }
 
-    /// Waits no more for inputs of a body of which one was refused.
+    /// Waits no more for the inputs of a body, since one was refused.
     pub(super) fn refused(&mut self, body: BodyId) {
         self.inputs.waiting.retain(|sent| sent.body != body);
     }
@@ -107,9 +110,9 @@ impl Showing {
     }
 }
 
-/// What a client shows.
+/// Reads what a client shows.
 impl Client {
-    /// Returns the ticks to show now; `None` until the world is heard of. From the first call on it keeps what that takes.
+    /// Returns the ticks to show now; `None` until the world is heard of. The first call starts the playback.
     pub fn view_time(&mut self, now: Duration) -> Option<ViewTime> {
         let step = self.world.as_ref()?.step;
         let leader = self.leader.as_ref().filter(|_| self.linked).map(|leader| Peer::Node(leader.node));
@@ -129,7 +132,8 @@ impl Client {
         Some(ViewTime { input_delay_s: showing.inputs.median_s(), ..time })
     }
 
-    /// Returns the tick that applies what is asked now, if the user shows the world and it goes by the clock.
+    /// Returns the tick that applies an input that is made now, if the user shows the world and the world
+    /// keeps real time.
     pub fn predicted_tick(&mut self, now: Duration) -> Option<f64> {
         if self.world.as_ref()?.pace != Pace::RealTime {
             return None;
@@ -139,7 +143,7 @@ impl Client {
         Some(showing.lead.advance(now, world_tick, period_s))
     }
 
-    /// Returns the tick that an input of now is to name.
+    /// Returns the tick that an input made now is to name.
     pub fn name_tick(&mut self, now: Duration) -> Option<Tick> {
         let predicted = self.predicted_tick(now)?;
         let showing = self.showing.as_mut()?;
@@ -150,17 +154,17 @@ impl Client {
         Some(showing.named)
     }
 
-    /// Returns the newest tick of which all that moves was told, guesses left out.
+    /// Returns the newest tick of which everything that moves was told, speculative ones left out.
     pub fn told_tick(&self) -> Option<Tick> {
         Some(Tick(self.showing.as_ref()?.playback.told()? as u64))
     }
 
-    /// Returns the tick that the oldest input named of those that were not applied by [`Client::told_tick`].
+    /// Returns the tick that the oldest of the inputs named which were not applied by [`Client::told_tick`].
     pub fn first_unapplied(&self) -> Option<Tick> {
         self.showing.as_ref()?.inputs.waiting.front().map(|sent| sent.named)
     }
 
-    /// Returns how a body was at a tick by what was told of it, and whether it rested.
+    /// Returns the motion of a body at a tick by what was told of it, and whether it rested.
     pub fn told_at(&self, id: BodyId, tick: Tick) -> Option<(Motion, bool)> {
         let told = self.showing.as_ref().and_then(|showing| showing.playback.told_at(id, tick.0 as f64));
         told.or_else(|| {
@@ -168,7 +172,7 @@ impl Client {
         })
     }
 
-    /// Returns how a body is shown at a tick; `None` if it is not known.
+    /// Returns the motion of a body as it is shown at a tick; `None` if the body is not known.
     pub fn view(&self, id: BodyId, tick: f64) -> Option<Motion> {
         let shown = self.showing.as_ref().and_then(|showing| showing.playback.at(id, tick));
         shown.or_else(|| self.bodies.get(&id).map(|view| Motion::of(&view.body.state)))
@@ -183,14 +187,14 @@ struct Sent {
     at: Duration,
     /// The tick that it names; 0: none.
     named: Tick,
-    /// The tick that the world was at, if it names one.
+    /// The tick that the world was at, if the input names one.
     world_tick: Option<f64>,
 }
 
-/// Measures the time from an input to the first state that shows it.
+/// The time from an input to the first state that shows it.
 #[derive(Clone, Debug, Default)]
 struct InputDelay {
-    /// In the order in which they were sent.
+    /// The inputs that wait, in the order in which they were sent.
     waiting: VecDeque<Sent>,
     delays: VecDeque<Duration>,
 }
@@ -203,7 +207,8 @@ impl InputDelay {
         }
     }
 
-    /// Notes that this input is applied; those before it were, or were replaced by it. Returns it, if it was not known to be.
+    /// Notes that this input is applied. Those before it were too, or were replaced by it. Returns it, if it
+    /// was not known to be applied.
     fn applied(&mut self, now: Duration, logical_time: u64) -> Option<Sent> {
         let count = self.waiting.partition_point(|waiting| waiting.logical_time <= logical_time);
         let newest = self.waiting.drain(..count).next_back()?;

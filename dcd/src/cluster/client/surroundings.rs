@@ -1,5 +1,5 @@
-//! Keeps what a client that joined with an area of interest asks the server for: scenery where the area comes to, and bodies that it
-//! hears of and does not know.
+//! Keeps what a client that joined with an area of interest asks the server for: scenery where the area moves
+//! to, and bodies that it hears of and does not know.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -9,22 +9,22 @@ use crate::space::BodyId;
 
 /// The time after which a body that is still unknown is asked for again.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
-/// The time after which scenery is asked for again that the server would not look for.
+/// The time after which scenery that the server would not look for is asked for again.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
-/// What was asked of the server; nothing, where the client was told the whole world.
+/// What was asked of the server; nothing, if the client was told the whole world.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
     /// The area whose scenery is known; `None`: the whole world's is.
     known: Option<Area>,
     asked: BTreeMap<BodyId, Duration>,
-    /// Says whether the server was asked for scenery since the client joined, and when it is asked again.
+    /// Whether the server was asked for scenery since the client joined, and when it is asked again.
     has_looked: bool,
     look_again_at: Option<Duration>,
 }
 
 impl Surroundings {
-    /// Returns those of a client that joins with this interest.
+    /// Returns the surroundings of a client that joins with this interest.
     pub(super) fn of(interest: Option<Area>) -> Self {
         let known = interest.map(|area| area.with_surroundings());
         Self { known, asked: BTreeMap::new(), has_looked: false, look_again_at: None }
@@ -35,7 +35,8 @@ impl Surroundings {
         self.known.is_none()
     }
 
-    /// Returns what to tell the server when the area of interest has changed to this one, if it reaches beyond what is known.
+    /// Returns what to send the server when the area of interest has changed to this one, if it reaches
+    /// beyond what is known.
     pub(super) fn turn_to(&mut self, interest: Option<Area>) -> Option<FromClient> {
         let known = self.known?;
         if interest.is_some_and(|area| known.contains(&area)) {
@@ -46,7 +47,7 @@ impl Surroundings {
         Some(FromClient::Interest(self.known))
     }
 
-    /// Notes that the server refuses something that it was asked too often; it may be this.
+    /// Notes that the server refuses something that it was asked too often. That may be this.
     pub(super) fn refused(&mut self, now: Duration) {
         if self.has_looked {
             self.look_again_at.get_or_insert(now + LOOK_AGAIN);
@@ -58,12 +59,12 @@ impl Surroundings {
         self.look_again_at
     }
 
-    /// Returns what to tell the server again, if that is due: what was refused is not known.
+    /// Returns what to send the server again, if that is due: scenery that was refused is not known.
     pub(super) fn look_again(&mut self, now: Duration) -> Option<FromClient> {
         self.look_again_at.take_if(|at| *at <= now).map(|_| FromClient::Interest(self.known))
     }
 
-    /// Returns which of these bodies, that the client does not know, to ask the server for now.
+    /// Returns which of these bodies, which the client does not know, to ask the server for now.
     pub(super) fn ask(&mut self, now: Duration, strangers: Vec<BodyId>) -> Vec<BodyId> {
         if self.known.is_none() {
             return Vec::new();

@@ -1,4 +1,5 @@
-//! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
+//! Tests what a client sends to server and leader (interest, queries), and which states of bodies it takes
+//! in.
 
 mod shapes;
 
@@ -32,7 +33,7 @@ fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
     assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
 }
 
-/// A client with a link to its leader that knows two bodies.
+/// Returns a client with a link to its leader that knows two bodies.
 fn linked() -> Client {
     let mut client = Client::new(ClientId(1), None, None);
     for x in [0.0, 50.0] {
@@ -74,7 +75,7 @@ fn an_input_that_is_refused_does_not_undo_the_end_of_its_avatar() {
         client.handle(Duration::ZERO, ClientEvent::Despawn(id));
         tell(&mut client, ToClient::Rejected { body: Some(id), reason });
         while client.poll_output().is_some() {}
-        // The server was away, and is told again what it has not done.
+        // The server was away, and is sent again what it has not done.
         client.say_again();
         let says = std::iter::from_fn(|| client.poll_output()).any(|output| {
             let said = FromClient::Despawn(id);
@@ -127,7 +128,7 @@ fn a_body_that_is_removed_again_while_it_goes_is_gone_once() {
     assert_eq!(gone.collect::<Vec<_>>(), [known, own], "what it asked for is answered, known or not");
 }
 
-/// Returns the interests that it sends to its leaders.
+/// Returns the interests that the client sends to its leaders.
 fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
     let output = |output| match output {
         ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Interest(area)) } => {
@@ -157,7 +158,7 @@ fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_
     assert_eq!(turn(&mut client, None), []);
 }
 
-/// Returns the logical times of the inputs that it sends.
+/// Returns the logical times of the inputs that the client sends.
 fn inputs_said(client: &mut Client) -> Vec<(Peer, u64)> {
     let output = |output| match output {
         ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Input(input)) } => {
@@ -420,7 +421,7 @@ fn a_leader_that_falls_silent_while_things_move_is_asked_and_so_is_the_server_un
     assert_eq!(asked(&mut client, at(30_000)), [], "nobody is there to be heard");
 }
 
-/// Returns what it sends to be built.
+/// Returns what the client sends to be built.
 fn built(client: &mut Client) -> Vec<(u64, Vec<BuildOp>)> {
     let output = |output| match output {
         ClientOutput::Send { to, message } => {
@@ -442,7 +443,7 @@ fn inserted(bodies: Vec<BodyRecord>) -> BuildOp {
     BuildOp::Insert { bodies, shapes: Vec::new(), joints: Vec::new() }
 }
 
-/// Joins, again, and is told of these bodies.
+/// Has the client join, perhaps again, and be told of these bodies.
 fn joins(client: &mut Client, bodies: Vec<BodyRecord>) {
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
     let (id, world) = (ClientId(1), sim_world(2));
@@ -473,7 +474,7 @@ fn what_came_while_the_server_was_away_or_with_another_world_appears() {
     client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
     joins(&mut client, vec![body(0), body(1)]);
     assert_eq!(appeared(&mut client), [BodyId::persistent(1)]);
-    // Over the same link: a save comes in place of the world.
+    // Over the same link a save comes in place of the world.
     let (id, world) = (ClientId(1), sim_world(2));
     tell(&mut client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
     tell(&mut client, ToClient::Chunk(Chunk::Bodies(vec![body(1), body(2)])));
@@ -538,7 +539,7 @@ fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_th
     let sent = built(&mut client);
     assert!(sent.len() > 4 && sent.is_sorted_by_key(|(number, _)| *number), "{}", sent.len());
 
-    // One is on record, of the next the world tells, and the others were never heard of.
+    // One message is on record, the world shows the next, and the others were never heard of.
     tell(&mut client, ToClient::Built(sent[0].0));
     assert_eq!(client.answered_builds(), 0, "not all of the request");
     let velocity = Velocity::default();
@@ -583,7 +584,7 @@ fn what_is_to_be_built_keeps_its_order_while_a_world_arrives_and_is_said_of_a_ne
     let numbers = |sent: Vec<(u64, Vec<BuildOp>)>| sent.iter().map(|(number, _)| *number).collect::<Vec<_>>();
     assert_eq!(numbers(built(&mut client)), [1, 2, 3]);
 
-    // Another world in its place.
+    // Another world comes in its place.
     assert_eq!((client.answered_builds(), client.replacements()), (0, 0));
     tell(&mut client, welcome());
     assert_eq!((client.answered_builds(), client.replacements()), (3, 0));
@@ -604,7 +605,7 @@ fn what_is_said_again_has_all_removals_and_of_alterations_the_last() {
         std::sync::Arc::make_mut(&mut traits).linear_damping = damping;
         BuildOp::Alter(Alteration::Body { body: body.id, traits, user_data: 0, wakes })
     };
-    // It never heard of these.
+    // The client never heard of these.
     let gone = [BuildOp::Remove(BodyId::persistent(9)), BuildOp::RemoveJoint(crate::space::JointId(9))];
     client.handle(at, ClientEvent::Build(vec![alter(0.1, true), gone[0].clone(), alter(0.2, false)]));
     client.handle(at, ClientEvent::Build(vec![alter(0.3, false), gone[1].clone()]));

@@ -9,7 +9,7 @@ pub(crate) fn body(index: u32, value: u8, durable: bool) -> Batch {
     Batch { writes: vec![(Key::Body(BodyId::persistent(index)), Some(vec![value]))], durable }
 }
 
-/// Returns bodies and their values, as read.
+/// Returns the indices of bodies and their values, as read.
 pub(crate) fn values(directory: &mut impl Directory) -> Vec<(u32, u8)> {
     let entries = directory.load().unwrap();
     entries
@@ -21,7 +21,8 @@ pub(crate) fn values(directory: &mut impl Directory) -> Vec<(u32, u8)> {
         .collect()
 }
 
-/// Runs every check on a new directory. `reopen` drops it, as a process that ends in order does, and opens it again.
+/// Runs every check on a new directory. `reopen` drops it, as a process that ends in order does, and opens it
+/// again.
 pub(crate) fn all<D: Directory>(new: &dyn Fn() -> D, reopen: &dyn Fn(D) -> D) {
     a_new_one_is_empty(new());
     entries_come_in_the_order_of_keys(new());
@@ -93,14 +94,14 @@ fn of_two_writers_one_finds_that_it_has_lost(mut directory: impl Directory) {
     assert_eq!(directory.commit(&body(1, 2, false), &absent), Err(lost));
     let seen = [Condition { key, at: Some(first) }];
     let second = directory.commit(&body(1, 3, false), &seen).unwrap();
-    // The same value again is another revision all the same.
+    // Writing the same value again gives another revision all the same.
     let third = directory.commit(&body(1, 3, false), &[Condition { key, at: Some(second) }]).unwrap();
     for stale in [first, second] {
         let lost = DirectoryError::Changed { key, expected: Some(stale), found: Some(third) };
         assert_eq!(directory.commit(&body(1, 4, true), &[Condition { key, at: Some(stale) }]), Err(lost));
     }
     assert_eq!(values(&mut directory), [(1, 3)]);
-    // Written, removed and written again: who saw it before has lost.
+    // The entry was written, removed and written again: a writer that read it before has lost.
     directory.commit(&Batch { writes: vec![(key, None)], durable: false }, &[]).unwrap();
     directory.commit(&body(1, 3, false), &absent).unwrap();
     assert!(directory.commit(&body(1, 4, false), &[Condition { key, at: Some(third) }]).is_err());
@@ -128,7 +129,7 @@ fn what_was_committed_is_there_after_reopening<D: Directory>(mut directory: D, r
     let mut directory = reopen(directory);
     assert_eq!(directory.load().unwrap(), before);
     assert!(directory.commit(&body(1, 3, false), &[]).unwrap() > last, "revisions go on");
-    // In order, nothing is lost even without a durable batch.
+    // A process that ends in order loses nothing, even without a durable batch.
     let mut directory = reopen(directory);
     assert_eq!(values(&mut directory), [(1, 3), (2, 2)]);
     let mut directory = reopen(reopen(directory));

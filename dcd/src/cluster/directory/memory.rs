@@ -39,8 +39,9 @@ impl MemoryDirectory {
         Self::default()
     }
 
-    /// Simulates a crash of the machine. Of the batches since the last durable one, in order, keeps those that `keep_unsynced`
-    /// accepts, up to the first that it does not: a disk may have got any number of them, but none without all before it.
+    /// Simulates a crash of the machine. Of the batches since the last durable one, in order, keeps those
+    /// that `keep_unsynced` accepts, up to the first that it refuses: a disk may have got any number of them,
+    /// but none without all before it.
     pub fn crash(&mut self, mut keep_unsynced: impl FnMut(&Batch) -> bool) {
         for batch in std::mem::take(&mut self.unsynced) {
             if !keep_unsynced(&batch) {
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
     use crate::cluster::directory::conformance::{self, body, values};
 
-    /// Reopening one in memory is what a process's crash is to a simulated disk: nothing that was committed durably is lost.
+    /// Reopens a directory as after a process's crash, in which the simulated disk loses nothing.
     #[test]
     fn it_does_what_a_directory_does() {
         conformance::all(&|| MemoryDirectory::new(), &|mut directory| {

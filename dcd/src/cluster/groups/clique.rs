@@ -1,9 +1,11 @@
-//! Finds the largest clique of a graph by branch and bound (Tomita and Seki 2003; in bits, San Segundo et al. 2011): nodes that
-//! are given the same colour are pairwise not near, so a clique has at most as many nodes as its candidates have colours.
+//! Finds the largest clique of a graph by branch and bound (Tomita and Seki 2003; in bits, San Segundo et al.
+//! 2011): nodes of the same colour are pairwise not near, so a clique has at most as many nodes as its
+//! candidates have colours.
 
 use super::near::{Graph, Ranks};
 
-/// How many words of bits the searches of one grouping may go over, beyond what every group costs anyway: 30 to 60 ms.
+/// The number of words of bits that the searches of one grouping may go over, beyond the fixed cost of each
+/// group: 30 to 60 ms.
 const WORK: u64 = 50_000_000;
 
 /// The work that is left, in words of bits.
@@ -17,7 +19,7 @@ impl Default for Work {
 }
 
 impl Work {
-    /// Lends one of so many rounds its share; what it leaves is for the others.
+    /// Lends one of so many rounds its share. What the round leaves is for the others.
     pub(super) fn share<T>(&mut self, rounds: usize, round: impl FnOnce(&mut Self) -> T) -> T {
         let share = self.0 / rounds.max(1) as u64;
         let mut lent = Self(share);
@@ -26,22 +28,23 @@ impl Work {
         result
     }
 
-    /// Pays for something; `false` when nothing is left.
+    /// Pays for this much work. Returns false when nothing is left.
     fn pay(&mut self, words: usize) -> bool {
         self.0 = self.0.saturating_sub(words as u64);
         self.0 > 0
     }
 }
 
-/// Returns a clique that no node of `among` can be added to, lowest ranks first. Empty only if `among` is.
+/// Returns a clique to which no node of `among` can be added, lowest ranks first. It is empty only if `among`
+/// is.
 pub(super) fn greedy(graph: &Graph, among: &Ranks) -> Vec<usize> {
     let mut clique = Vec::new();
     graph.complete(&mut clique, among);
     clique
 }
 
-/// Returns the largest clique of `among`, or any of `enough` nodes, if it is larger than `best`; else `best`. When the work is
-/// spent it is the largest that was seen.
+/// Returns the largest clique of `among`, or any of `enough` nodes, if it is larger than `best`; else `best`.
+/// When the work is spent, returns the largest seen.
 pub(super) fn largest(
     graph: &Graph,
     among: &Ranks,
@@ -102,8 +105,8 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the candidates in the order of their colours, with the number of colours up to theirs. Those are left out whose
-    /// colours are so few that no larger clique begins with them.
+    /// Returns the candidates in the order of their colours, each with the number of colours up to its own.
+    /// Candidates are left out if their colours are so few that no larger clique begins with them.
     fn coloured(&mut self, candidates: &Ranks) -> Vec<(usize, usize)> {
         let too_few = self.best.len().saturating_sub(self.chosen.len());
         let mut coloured = Vec::new();

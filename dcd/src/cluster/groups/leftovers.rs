@@ -1,13 +1,15 @@
-//! Finds company for nodes that groups of 2^k nodes leave alone: such a node joins a group, takes a member of one that can
-//! spare it, or takes half of a pair, whose other half then looks for company in the same way. Along such chains (augmenting
-//! paths) every node finds company that can: if some other division into groups leaves fewer alone, a chain leads towards it.
+//! Finds company for nodes that groups of 2^k nodes leave alone: such a node joins a group, takes a member of
+//! one that can spare it, or takes half of a pair, whose other half then looks for company in the same way.
+//! Along such chains (augmenting paths) every node finds company that can: if another division into groups
+//! leaves fewer alone, a chain leads towards it.
 
 use super::near::{Graph, Ranks};
 
-/// How many nodes may be looked at in all chains together; graphs of ten nodes never need so many.
+/// The number of nodes that all chains together may look at. Graphs of ten nodes never need so many.
 const WORK: u64 = 4_000_000;
 
-/// Leaves as few nodes alone as it can, and of the ways to do so takes those that keep sizes powers of two.
+/// Gives company to as many lone nodes as it can. Among the ways to do so it prefers those that keep sizes
+/// powers of two.
 pub(super) fn give_company(graph: &Graph, groups: &mut Vec<Vec<usize>>, max_size: usize) {
     let alone: Vec<usize> = groups.iter().filter(|group| group.len() == 1).map(|group| group[0]).collect();
     let mut group_of = vec![0; graph.len()];
@@ -18,7 +20,7 @@ pub(super) fn give_company(graph: &Graph, groups: &mut Vec<Vec<usize>>, max_size
     let mut places = Places { graph, groups, group_of, max_size, work: 0, touched: graph.none() };
     for (done, &rank) in alone.iter().enumerate() {
         if places.groups[places.group_of[rank]].len() > 1 {
-            continue; // Another took it for company.
+            continue; // Another node has taken it for company.
         }
         let share = left / (alone.len() - done) as u64;
         places.work = share;
@@ -35,18 +37,18 @@ struct Places<'a> {
     group_of: Vec<usize>,
     max_size: usize,
     work: u64,
-    /// Nodes of pairs that this chain has parted.
+    /// The nodes of pairs that this chain has parted.
     touched: Ranks,
 }
 
 /// A way to find company for a node that is alone, worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Way {
-    /// Take one of four or more.
+    /// Take a member of a group of four or more.
     TakeFromMany(usize),
-    /// Join a group, though its size be no power of two then.
+    /// Join a group whose size is then no power of two.
     Join(usize),
-    /// Take one of three: two pairs.
+    /// Take a member of a group of three, which makes two pairs.
     TakeFromThree(usize),
     /// Join a group that will have 2^k members.
     JoinWell(usize),
@@ -67,7 +69,7 @@ impl Places<'_> {
             return true;
         }
         for other in near {
-            // What is near is in a pair, or there would be a way.
+            // Each near node is in a pair, or there would be a way.
             if self.work == 0 || self.max_size < 2 || self.touched.contains(other) {
                 continue;
             }

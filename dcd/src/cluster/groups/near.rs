@@ -1,5 +1,5 @@
-//! Stores which nodes are near each other as a graph of bit sets, so that two sets of a thousand nodes are intersected in
-//! sixteen words.
+//! Stores which nodes are near each other as a graph of bit sets, so that two sets of a thousand nodes are
+//! intersected in sixteen words.
 
 use crate::space::NodeId;
 
@@ -28,32 +28,32 @@ impl Ranks {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// Words that one operation goes over.
+    /// Returns the number of words that one operation goes over.
     pub(super) fn words(&self) -> usize {
         self.0.len()
     }
 
-    /// Members of both.
+    /// Returns the members of both sets.
     pub(super) fn and(&self, other: &Self) -> Self {
         Self(self.0.iter().zip(&other.0).map(|(a, b)| a & b).collect())
     }
 
-    /// Keeps the members of the other only.
+    /// Keeps only the members that are in the other set.
     pub(super) fn keep(&mut self, other: &Self) {
         self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a &= b);
     }
 
-    /// Takes the members of the other out.
+    /// Removes the members of the other set.
     pub(super) fn drop(&mut self, other: &Self) {
         self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a &= !b);
     }
 
-    /// How many of the other are members.
+    /// Returns the number of members in both sets.
     pub(super) fn common(&self, other: &Self) -> usize {
         self.0.iter().zip(&other.0).map(|(a, b)| (a & b).count_ones() as usize).sum()
     }
 
-    /// The lowest rank at or above this one.
+    /// Returns the lowest member at or above this rank.
     pub(super) fn first_from(&self, rank: usize) -> Option<usize> {
         let word = rank / 64;
         let head = self.0.get(word)? & (u64::MAX << (rank % 64));
@@ -64,13 +64,13 @@ impl Ranks {
         Some(at * 64 + self.0[at].trailing_zeros() as usize)
     }
 
-    /// Members, ascending.
+    /// Returns the members, ascending.
     pub(super) fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         std::iter::successors(self.first_from(0), |&rank| self.first_from(rank + 1))
     }
 }
 
-/// The graph of pairs of near nodes. Nodes are ranked by how many are near them, most first, of equals the lower id.
+/// The graph of pairs of near nodes. Nodes are ranked by how many are near them, most first, then by id.
 #[derive(Clone, Debug)]
 pub(super) struct Graph {
     nodes: Vec<NodeId>,
@@ -78,7 +78,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Returns the graph of these nodes, each taken once.
+    /// Returns the graph of these nodes. Repeated ones count once.
     pub(super) fn new(nodes: &[NodeId], is_near: impl Fn(NodeId, NodeId) -> bool) -> Self {
         let mut ids = nodes.to_vec();
         ids.sort_unstable();

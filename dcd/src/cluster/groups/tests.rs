@@ -1,4 +1,5 @@
-//! Tests that groups form, and newcomers join them, by rules and hints, and that the search keeps within its bound on work.
+//! Tests that groups form, and newcomers join them, by rules and hints, and that the search keeps within its
+//! bound on work.
 
 use std::collections::BTreeSet;
 
@@ -7,12 +8,12 @@ use proptest::prelude::*;
 use super::*;
 use crate::sim::Random;
 
-/// Delays as a matrix; node `i` is the `i`-th row.
+/// Returns delays from a matrix, in which row `i` is node `i`, counted from 1.
 fn matrix<const N: usize>(delays: [[f64; N]; N]) -> impl Fn(NodeId, NodeId) -> Option<f64> {
     move |a, b| Some(delays[a.0 as usize - 1][b.0 as usize - 1])
 }
 
-/// Delays of 1 ms along these edges, nothing else known.
+/// Returns delays of 1 ms along these edges; all others are unknown.
 fn edges(edges: &[(u32, u32)]) -> impl Fn(NodeId, NodeId) -> Option<f64> + use<> {
     let edges: BTreeSet<_> = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
     move |a, b| edges.contains(&(a.0, b.0)).then_some(1.0)
@@ -33,7 +34,7 @@ fn rules(policy: GroupPolicy, max_size: usize) -> GroupRules {
 const LARGEST: GroupPolicy = GroupPolicy::Largest;
 const POWERS: GroupPolicy = GroupPolicy::PowersOfTwo;
 
-/// Thesis 3.3.7.
+/// The delays of the four nodes of thesis 3.3.7.
 const FOUR: [[f64; 4]; 4] =
     [[0.0, 3.0, 4.0, 10.0], [2.0, 0.0, 1.0, 6.0], [4.0, 3.0, 0.0, 2.0], [7.0, 4.0, 1.0, 0.0]];
 
@@ -63,7 +64,7 @@ fn by_powers_of_two_they_are_two_and_two() {
 
 #[test]
 fn five_nodes_of_the_thesis_group_by_the_lists_they_give() {
-    // Thesis 4.3.1.4, A to E as 1 to 5: who each calls a candidate.
+    // Thesis 4.3.1.4, A to E as 1 to 5: the candidates that each names.
     let lists: [&[u32]; 5] = [&[2, 3, 4], &[1, 3, 5], &[1, 4], &[1, 3, 5], &[4]];
     let delay = |a: NodeId, b: NodeId| lists[a.0 as usize - 1].contains(&b.0).then_some(1.0);
     let groups = form_groups(&ids(5), delay, &rules(LARGEST, 32), &[]);
@@ -112,13 +113,14 @@ fn cliques_of_any_size_are_cut_into_powers_of_two_with_nobody_alone() {
 
 #[test]
 fn a_node_alone_takes_one_of_a_larger_group_rather_than_stay_so() {
-    // Four, and one near two that are near nobody else: one of the two stays alone.
+    // Nodes 1 to 4 are a clique. Node 5 is near 4, 6 and 7; these two are near nobody else, so one of them
+    // stays alone.
     let mut near = all_pairs(4);
     near.extend([(4, 5), (5, 6), (5, 7)]);
     assert_eq!(formed(7, &near, POWERS, 32), [vec![1, 2, 3, 4], vec![5, 6], vec![7]]);
     // A pair in the middle of a path parts, so that both ends have company.
     assert_eq!(formed(4, &[(1, 2), (2, 3), (3, 4)], POWERS, 32), [vec![1, 2], vec![3, 4]]);
-    // Three and two are no powers both, but nobody is alone.
+    // Not both three and two are powers of two, but nobody is alone.
     let mut near = all_pairs(4);
     near.push((4, 5));
     assert_eq!(formed(5, &near, POWERS, 32), [vec![1, 2, 3], vec![4, 5]]);
@@ -198,7 +200,7 @@ fn rules_that_cannot_be_are_refused() {
     assert!(GroupRules::default().checked().is_ok());
 }
 
-/// A random graph of which pairs are near.
+/// A random graph of near pairs.
 #[derive(Clone, Debug)]
 struct Near(Vec<Vec<bool>>);
 
@@ -231,7 +233,7 @@ impl Near {
         groups
     }
 
-    /// Which sets of nodes, as bits, are cliques.
+    /// Returns, for each set of nodes as bits, whether it is a clique.
     fn cliques(&self) -> Vec<bool> {
         let count = self.0.len();
         let near = |a: usize| (0..count).filter(|&b| self.0[a][b]).fold(0, |bits, b| bits | 1 << b);
@@ -244,7 +246,7 @@ impl Near {
         cliques
     }
 
-    /// The least number of nodes alone, by all divisions into cliques up to a size.
+    /// Returns the least number of lone nodes over all divisions into cliques up to a size.
     fn least_alone(&self, max_size: usize) -> usize {
         let cliques = self.cliques();
         let mut least = vec![0; cliques.len()];
@@ -309,11 +311,13 @@ proptest! {
 
 #[test]
 fn hostile_graphs_are_grouped_within_the_bound_on_work() {
-    // Moon and Moser 1965: of 3n nodes in n triples, where all are near but those of a triple, 3^n cliques are the largest.
+    // Moon and Moser 1965: of 3n nodes in n triples, where all are near except those of a triple, 3^n cliques
+    // are the largest.
     let triples = Near((0..90).map(|a| (0..90).map(|b| a / 3 != b / 3).collect()).collect());
     let sizes: Vec<_> = triples.form(&rules(LARGEST, 100)).iter().map(Vec::len).collect();
     assert_eq!(sizes, [30, 30, 30]);
-    // The complement of rings of five is hard for bounds by colours: three colours each, and a clique takes two.
+    // The complement of rings of five is hard for bounds by colours: three colours each, and a clique takes
+    // two.
     let ring = |a: usize, b: usize| a / 5 == b / 5 && [1, 4].contains(&((a + 5 - b) % 5));
     let rings = Near((0..100).map(|a| (0..100).map(|b| a != b && !ring(a, b)).collect()).collect());
     let largest = rings.form(&rules(LARGEST, 100)).iter().map(Vec::len).max();

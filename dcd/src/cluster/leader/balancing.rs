@@ -1,5 +1,6 @@
-//! Plans how the regions of a group follow its load (thesis 3.2.3, 3.3.5): from what members report, the leader decides which
-//! planes move, and which regions are cut, merged and handed to other members; all do so before the same tick.
+//! Plans how the regions of a group follow its load (thesis 3.2.3, 3.3.5). From members' reports the leader
+//! decides which planes move, and which regions are cut, merged and handed to other members. All members make
+//! these changes before the same tick.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,20 +12,20 @@ use crate::space::{
 
 /// The part of a node's price that a new measurement replaces.
 const NEWS: f64 = 0.5;
-/// A node counts as at most so many times slower or faster than the mean.
+/// The largest ratio between the speed of a node and the mean speed that counts.
 const LARGEST_RATIO: f64 = 100.0;
 
-/// The balancer of a group: what members report, and the tree as it is after the last dispatch.
+/// The balancer of a group: the members' reports, and the tree as it is after the last dispatch.
 #[derive(Clone, Debug)]
 pub(super) struct Balancing {
     settings: Balance,
     view: View,
-    /// What one member says may still be on its way to another when both have completed a tick.
+    /// Whether a member's messages may still be on their way to another when both have completed a tick.
     lags: bool,
     reports: BTreeMap<NodeId, (Tick, LoadReport)>,
-    /// What a unit of work costs each node, microseconds.
+    /// The time that a unit of work costs each node, microseconds.
     prices: BTreeMap<NodeId, f64>,
-    /// Regions that were vacant in the last reports.
+    /// The regions that were vacant in the last reports.
     vacant: BTreeSet<RegionId>,
 }
 
@@ -50,16 +51,17 @@ impl Balancing {
         &self.view.allocation
     }
 
-    /// Takes in what a member has to do after a tick.
+    /// Takes in a member's load after a tick.
     pub(super) fn hear(&mut self, from: NodeId, tick: Tick, report: LoadReport) {
         let computes = |region| self.view.allocation.get(&region) == Some(&from);
-        // Anything else is of a tree that is over.
+        // A report that names other regions is of a former tree.
         if report.regions.iter().all(|region| computes(region.region)) {
             self.reports.insert(from, (tick, report));
         }
     }
 
-    /// Returns what is to change before the next tick, if all members have reported since the last change, and anything is.
+    /// Returns the change to make before the next tick, if there is one. All members must have reported of
+    /// the same tick since the last change.
     pub(super) fn plan(&mut self) -> Option<Repartition> {
         let members = self.view.members.iter().map(|member| member.node);
         let ticks: Option<BTreeSet<_>> = members.map(|node| Some(self.reports.get(&node)?.0)).collect();
@@ -79,7 +81,7 @@ impl Balancing {
             change.changes.extend(more.changes);
             change.newborn = more.newborn;
         }
-        // Without any change it lets go of what sleeps in regions that are to be empty.
+        // A change without moves, cuts or merges wakes what sleeps in regions that are being emptied.
         let is_due = wakes || !change.changes.is_empty();
         is_due.then(|| {
             self.view = after;
@@ -105,7 +107,7 @@ impl Balancing {
         self.prices.values().sum::<f64>() / self.prices.len() as f64
     }
 
-    /// Returns how much a node can do: 1 for the mean, or for all if loads are counts.
+    /// Returns the speed of a node: 1 for the mean, and for all if loads are counts.
     fn speed(&self, node: NodeId) -> f64 {
         match self.prices.get(&node) {
             Some(price) if self.settings.load == Load::Times => {
@@ -115,7 +117,8 @@ impl Balancing {
         }
     }
 
-    /// Returns the merges that can be completed: nothing is left in the region that is given up, nor on its way there.
+    /// Returns the merges that can be completed: nothing is left in the region that is given up, nor on its
+    /// way there.
     fn merges(&mut self, reports: &BTreeMap<NodeId, LoadReport>) -> Vec<TreeChange> {
         let regions = reports.values().flat_map(|report| &report.regions);
         let vacant: BTreeSet<_> =
@@ -129,8 +132,8 @@ impl Balancing {
         yielding.map(|(vertex, _)| TreeChange::Merge { vertex }).collect()
     }
 
-    /// Gives a member without a region one of a member that has several, if there are enough for all: a new region takes its place,
-    /// and the old one is emptied into it.
+    /// Gives a member without a region one of a member that has several. A new region of that member takes
+    /// its place, and the old one is emptied into it.
     fn hand_over(&self, view: &View, reports: &BTreeMap<NodeId, LoadReport>) -> Option<Repartition> {
         let idle = idle(view).next()?;
         let load_of = |region: RegionId| {
@@ -156,7 +159,7 @@ impl Balancing {
         Some(Repartition { changes, newborn: idle })
     }
 
-    /// Moves planes, or cuts or merges a region. A new region is an idle member's, if there is one.
+    /// Moves planes, or cuts or merges a region. A new region goes to a member without one, if there is one.
     fn level(&self, view: &View, reports: &BTreeMap<NodeId, LoadReport>) -> Option<Repartition> {
         let (mut burdens, islands) = joined(reports);
         let price = self.mean_price();
@@ -182,13 +185,14 @@ impl Balancing {
     }
 }
 
-/// Returns the members without a region; the leader, which has most to do besides, comes last.
+/// Returns the members without a region, the highest id first: a leader with the lowest id, which has most
+/// other work, comes last.
 fn idle(view: &View) -> impl Iterator<Item = NodeId> {
     let nodes = view.members.iter().rev().map(|member| member.node);
     nodes.filter(|node| !view.allocation.values().any(|owner| owner == node))
 }
 
-/// Returns all members' burdens and islands; islands of several members that lie in one another's way are one.
+/// Returns all members' burdens and islands. Islands of several members whose boxes touch are one.
 fn joined(reports: &BTreeMap<NodeId, LoadReport>) -> (Vec<Burden>, Vec<Bounds>) {
     let (mut burdens, mut islands) = (Vec::new(), Vec::<Bounds>::new());
     for report in reports.values() {
@@ -217,7 +221,7 @@ mod tests {
     use crate::protocol::{Member, RegionLoad, ViewNumber};
     use crate::space::{Allocation, GroupId};
 
-    /// A road of 1,000 m in so many regions, allocated to the nodes in turn.
+    /// Returns a view of a road of 1,000 m in this many regions, allocated to the nodes in turn.
     fn road(regions: usize, nodes: &[u32], members: u32) -> View {
         let bounds = Bounds::new([0.0, -4.0, -4.0], [1000.0, 4.0, 4.0]);
         let tree = DistributionTree::halved(bounds, regions).unwrap();
@@ -241,7 +245,8 @@ mod tests {
         }
     }
 
-    /// Lets bodies change region at once and members report, until nothing changes; returns how often it changed.
+    /// Lets bodies change region at once, and members report, until nothing changes. Returns how often it
+    /// changed, and each member's share.
     fn settle(
         balancing: &mut Balancing,
         crowd: &[f64],
@@ -304,7 +309,7 @@ mod tests {
         let (_, shares) = settle(&mut balancing, &crowd(0.0, 1000.0, 3100), cost);
         assert!((85..=120).contains(&shares[&NodeId(3)]), "{shares:?}");
         assert!([1, 2, 4].iter().all(|&node| shares[&NodeId(node)] < 1200), "{shares:?}");
-        // By counts all are alike.
+        // By counts all nodes are alike.
         let counts = Balance { load: Load::Counts, ..Balance::by_nodes() };
         let mut balancing = Balancing::new(counts, road(4, &[1, 2, 3, 4], 4), false);
         let (_, shares) = settle(&mut balancing, &crowd(0.0, 500.0, 3100), cost);

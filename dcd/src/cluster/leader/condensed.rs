@@ -1,12 +1,19 @@
-//! Condenses what moves bodies and waits: a program goes on asking while no tick is opened, for seconds where a member has died.
+//! Condenses operations that move bodies and wait: a program goes on asking while no tick is opened, for
+//! seconds if a member has died.
 
 use std::collections::BTreeMap;
 
 use crate::protocol::{Input, Push, WorldOp};
 use crate::space::BodyId;
 
-/// Returns what does the same to bodies, in order: of each the newest input of either kind with the jump before it, the newest lasting
-/// force, and what impulses without a point come to since the input before them. All other operations are left out.
+/// Returns fewer operations that do the same to bodies, in order:
+///
+/// - of each body the newest input of either kind, with the jump of those before it;
+/// - its newest lasting force;
+/// - the sum of its impulses without a point, from one input to the next;
+/// - all impulses at points.
+///
+/// All other operations are left out.
 pub(super) fn condensed(ops: &[WorldOp]) -> Vec<WorldOp> {
     let mut condensed = Condensed::default();
     for op in ops {
@@ -20,7 +27,7 @@ pub(super) fn condensed(ops: &[WorldOp]) -> Vec<WorldOp> {
     condensed.ops.into_iter().flatten().collect()
 }
 
-/// Keeps what counts so far, and where.
+/// The operations that count so far, and where those of each body are.
 #[derive(Default)]
 struct Condensed {
     ops: Vec<Option<WorldOp>>,
@@ -62,7 +69,7 @@ impl Condensed {
     }
 }
 
-/// Returns the impulse that does what two do at the centre of mass, if there is one.
+/// Returns the impulse that does what two impulses do at the centre of mass, if there is one.
 fn sum(one: &Push, other: &Push) -> Option<Push> {
     let add = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|i| a[i] + b[i]);
     let (linear, angular) = (add(one.linear, other.linear), add(one.angular, other.angular));

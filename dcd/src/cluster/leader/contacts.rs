@@ -7,8 +7,8 @@ use crate::protocol::{ContactForce, ContactKey, ToClient, ToServer, Touch, World
 use crate::space::ClientId;
 
 impl Leader {
-    /// Sends contacts to the clients whose avatars touch. A pair that two regions hold is seen by both: it begins with the
-    /// first and ends with the last of them.
+    /// Sends contacts to the clients whose avatars touch, and to the server's program. A pair that two
+    /// regions hold is seen by both: its contact begins with the first and ends with the last of them.
     pub(super) fn forward_contacts(&mut self) {
         let mut seen = WorldEvents::default();
         self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);

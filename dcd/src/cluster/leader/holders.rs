@@ -1,18 +1,19 @@
-//! Tracks which members hold which avatars, so that an avatar's inputs are sent to those members only (thesis 3.3.8).
+//! Tracks which members hold which avatars, so that an avatar's inputs are sent to those members only (thesis
+//! 3.3.8).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::space::{BodyId, NodeId};
 
-/// The most pairs of an avatar and a member that are kept to be sent its input once more: a member may name what it likes.
+/// The most pairs of an avatar and a former holder that are kept: a member may name whatever it likes.
 const MOST_FORMER: usize = 1 << 14;
 
-/// The avatars that each member said it holds. An avatar that none has named yet concerns all.
+/// The avatars that each member says it holds. An avatar that no member has named yet concerns all.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Holders {
     by_node: BTreeMap<NodeId, BTreeSet<BodyId>>,
     known: BTreeMap<BodyId, u32>,
-    /// Members that held an avatar until lately, and are sent its input once more.
+    /// Pairs of an avatar and a member that held it until lately, and is sent its input once more.
     former: BTreeSet<(BodyId, NodeId)>,
 }
 

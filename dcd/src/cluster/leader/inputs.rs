@@ -1,5 +1,5 @@
-//! Takes in clients' inputs for their avatars, within the world's limits, and keeps them until the ticks that they name: of those of one
-//! avatar for one tick the newest counts.
+//! Takes in clients' inputs for their avatars, within the world's limits, and keeps them until the ticks that
+//! they name. Among the inputs of one avatar for one tick the newest counts.
 
 use std::collections::BTreeMap;
 
@@ -8,13 +8,13 @@ use crate::cluster::avatar_limits::AvatarLimits;
 use crate::protocol::{EnvironmentProperties, Input, Refusal};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// How long an input waits for its avatar to appear, in ticks.
+/// The time that an input waits for its avatar to appear, ticks.
 const EARLY_TICKS: u64 = 60;
 
-/// An input that names a tick farther ahead goes into the next one, in ticks.
+/// How far ahead an input may name its tick, ticks. An input that names a later one goes into the next tick.
 const AHEAD_TICKS: u64 = 60;
 
-/// The most inputs of a client that wait for the ticks that they name; others go into the next one.
+/// The most inputs of a client that wait for the ticks that they name. Further ones go into the next tick.
 const WAITING: usize = 1_024;
 
 /// The inputs that the next ticks take, and the avatars that they may be for.
@@ -22,13 +22,13 @@ const WAITING: usize = 1_024;
 pub(super) struct Inputs {
     limits: AvatarLimits,
     avatars: BTreeMap<BodyId, Avatar>,
-    /// Counts the inputs of each client that wait for the ticks that they name.
+    /// The number of each client's inputs that wait for the ticks that they name.
     counts: BTreeMap<ClientId, usize>,
-    /// Newest inputs of each kind for avatars not heard of yet, and since when they wait.
+    /// The newest inputs of each kind for avatars not heard of yet, and since when they wait.
     early: BTreeMap<(BodyId, bool), (Input, Tick)>,
     /// The logical times of the newest inputs of each kind that were done before the view.
     done: BTreeMap<(BodyId, bool), u64>,
-    /// Clients that have said such inputs again, and up to which, since the last tick.
+    /// The clients that have sent such inputs again since the last tick, and up to which logical time.
     said_again: BTreeMap<ClientId, u64>,
 }
 
@@ -44,11 +44,11 @@ pub(super) struct Taken {
 struct Avatar {
     /// The logical times of its newest inputs of each kind; 0: none.
     newest: [u64; 2],
-    /// Its inputs by the tick that is to take them, and their kind.
+    /// Its inputs, by the tick that is to take them and by kind.
     waiting: BTreeMap<(Tick, bool), Taken>,
-    /// As last heard of, or where it jumps to.
+    /// The place where it was last heard of, or to which it jumps.
     place: [f64; 3],
-    /// How far it could jump after this tick, metres.
+    /// How far it could jump after the tick `since`, metres.
     jump_m: f64,
     since: Tick,
 }
@@ -66,18 +66,19 @@ impl Inputs {
         }
     }
 
-    /// Passes over inputs that were done before the view, where the avatar lives on in it.
+    /// Passes over inputs that were done before the view, if the avatar lives on in it.
     pub(super) fn pass_over(&mut self, done: BTreeMap<(BodyId, bool), u64>) {
         self.done = done;
     }
 
-    /// Returns the clients that have said inputs again that were done before the view, and up to which, since the last call.
+    /// Returns the clients that have, since the last call, sent inputs again that were done before the view,
+    /// and up to which logical time.
     pub(super) fn take_said_again(&mut self) -> BTreeMap<ClientId, u64> {
         std::mem::take(&mut self.said_again)
     }
 
-    /// Notes where an avatar is after this tick, and whether it is as it was in the view before: placed anew, it may be as it was before its
-    /// last inputs.
+    /// Notes where an avatar is after this tick. `lives_on`: it goes on as it was in the view before. An
+    /// avatar that was placed anew may be as it was before its last inputs.
     pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick, lives_on: bool) {
         let jump_m = self.limits.longest_jump_m();
         let done = |kind| self.done.get(&(avatar, kind)).copied().filter(|_| lives_on).unwrap_or_default();
@@ -86,7 +87,7 @@ impl Inputs {
         self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
-    /// Returns where the avatars are.
+    /// Returns the places of the avatars.
     pub(super) fn places(&self) -> impl Iterator<Item = [f64; 3]> {
         self.avatars.values().map(|avatar| avatar.place)
     }
@@ -97,13 +98,14 @@ impl Inputs {
         }
     }
 
-    /// Accepts an input for the tick that it names, or the next one, if the avatar is the client's own, and the input is newer than the last
-    /// one and within the world's limits. One that names its tick and comes late, or twice, is passed over: nobody is told.
+    /// Accepts an input for the tick that it names, or else for the next one. The avatar must be the client's
+    /// own, and the input newer than the last one and within the world's limits. An input that names its tick
+    /// and comes out of order, or twice, is passed over without a refusal.
     pub(super) fn accept(&mut self, client: ClientId, input: Input, now: Tick) -> Result<(), Refusal> {
         if input.body.client() != Some(client) {
             return Err(Refusal::NotYours);
         }
-        // The server's program says 0, and may do more.
+        // The server's program uses 0, and may do more.
         if input.logical_time == 0 {
             return Err(Refusal::Late);
         }
@@ -111,7 +113,8 @@ impl Inputs {
         if self.avatars.contains_key(&input.body) {
             return self.admit(input, now);
         }
-        // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
+        // A leader may yet hear of the avatar, if it is new, or if the input reached it before the server's
+        // word.
         let range = (BodyId::avatar(client, 0), false)..=(BodyId::avatar(client, u32::MAX), true);
         if self.early.range(range).count() >= 2 * MAX_AVATARS {
             return Err(Refusal::TooMany);
@@ -127,7 +130,7 @@ impl Inputs {
         let avatar = self.avatars.get_mut(&input.body).ok_or(Refusal::Unknown)?;
         let (_, kind) = input.slot();
         let newest = &mut avatar.newest[usize::from(kind)];
-        // Sent again because it might have been lost.
+        // It was sent again because it might have been lost.
         if *newest == input.logical_time {
             if self.done.get(&input.slot()) == Some(newest) {
                 let client = input.body.client().unwrap_or(ClientId::NOBODY);
@@ -139,7 +142,7 @@ impl Inputs {
         let next = now.next();
         let names_tick = input.tick != Tick(0);
         if *newest > input.logical_time {
-            // One that is said twice, since packets are lost, may come before one that was said before it.
+            // Inputs are sent twice, since packets are lost, so one may come before an earlier one.
             return if names_tick { Ok(()) } else { Err(Refusal::Late) };
         }
         if let Some(pose) = input.pose {
@@ -159,7 +162,8 @@ impl Inputs {
         let tick = if waits { input.tick.max(next) } else { next };
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
-        // What was to come with it or after it is older: where that jumped, it was found that it may.
+        // Inputs that were to be taken with this one or after it are older. Where one of them jumped, that
+        // jump was allowed.
         let older = avatar.waiting.range((tick, false)..).map(|(&key, _)| key);
         let older: Vec<_> = older.filter(|&(_, of)| of == kind).collect();
         let older = older.iter().filter_map(|key| avatar.waiting.remove(key));
@@ -172,7 +176,8 @@ impl Inputs {
         Ok(())
     }
 
-    /// Takes inputs for avatars that have appeared in; returns those to be refused, as they waited too long or ask for too much.
+    /// Takes inputs for avatars that have appeared in. Returns those to be refused, as they waited too long
+    /// or ask for too much.
     pub(super) fn sort_early(&mut self, now: Tick) -> Vec<(BodyId, Refusal)> {
         let mut refused = Vec::new();
         let mut early: Vec<_> = std::mem::take(&mut self.early).into_values().collect();
@@ -185,7 +190,7 @@ impl Inputs {
                     Ok(()) | Err(Refusal::Late) => {}
                     Err(refusal) => {
                         refused.push((id, refusal));
-                        // What came after a jump that is too far is meant as it is.
+                        // What was asked after a jump that is too far still counts.
                         if refusal == Refusal::TooFar {
                             let _ = self.admit(Input { pose: None, ..input }, now);
                         }
@@ -200,7 +205,7 @@ impl Inputs {
         refused
     }
 
-    /// Takes the inputs of a tick, in id order: of each kind for each avatar the newest.
+    /// Takes the inputs of a tick, in id order: the newest of each kind for each avatar.
     pub(super) fn take(&mut self, tick: Tick) -> Vec<Taken> {
         let mut due = Vec::new();
         for (id, avatar) in &mut self.avatars {
@@ -219,7 +224,7 @@ impl Inputs {
         waiting.map(|(_, taken)| taken.input)
     }
 
-    /// Returns all inputs that no tick has taken, of each avatar in the order in which they were made.
+    /// Returns all inputs that no tick has taken, those of each avatar in the order in which they were made.
     pub(super) fn into_untaken(self) -> impl Iterator<Item = Input> {
         let early = self.early.into_values().map(|(input, _)| input);
         let waiting = self.avatars.into_values().flat_map(|avatar| avatar.waiting.into_values());
@@ -229,7 +234,7 @@ impl Inputs {
     }
 }
 
-/// Notes that so many inputs of a client's avatar wait no more.
+/// Notes that this many inputs of a client's avatar wait no more.
 fn uncount(counts: &mut BTreeMap<ClientId, usize>, avatar: BodyId, gone: usize) {
     let client = avatar.client().unwrap_or(ClientId::NOBODY);
     if let Some(count) = counts.get_mut(&client) {

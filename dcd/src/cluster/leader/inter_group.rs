@@ -1,5 +1,6 @@
-//! Synchronises a group with other groups (inter-group, thesis 3.3.8): tracks which bodies it is authoritative for, sends their
-//! states to the other groups, and corrects its own bodies where another group is authoritative.
+//! Synchronises a group with other groups (inter-group, thesis 3.3.8): tracks which bodies it is
+//! authoritative for, sends their states to the other groups, and corrects its own bodies where another group
+//! is authoritative.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,28 +11,29 @@ use crate::delta::alone;
 use crate::protocol::{Input, STATES_BYTES, SharedState, Stance, ToServer, Touch, WorldOp};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// Ticks between messages to the other groups.
+/// The number of ticks between messages to the other groups.
 const TELL_EVERY: u64 = 6;
-/// Bodies at rest that are sent again with each.
+/// The number of bodies told before that are sent again with each message.
 const REMINDERS: usize = 4;
-/// A state that another group sent longer ago than this does not count any more, ticks.
+/// The age from which a state that another group sent does not count any more, ticks.
 const STALE_TICKS: u64 = 60;
-/// How many ticks another group may be ahead or behind before this one hurries or waits.
+/// The difference in ticks to the main group beyond which this group hurries or waits.
 const STEP_TICKS: i64 = 1;
-/// The share of a tick by which it hurries or waits per tick of difference, and at most: a second is made up for in some five.
+/// The share of a tick by which the group hurries or waits per tick of difference. A difference of a second
+/// is made up for in some five seconds.
 const HURRY: f32 = 0.01;
 const MOST_HURRY: f32 = 0.25;
 
 /// The deviations of this group's bodies from the authoritative groups', since they were last asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviations {
-    /// How often a body was compared.
+    /// The number of comparisons of a body.
     pub count: u64,
-    /// Sum over all comparisons, metres.
+    /// The sum over all comparisons, metres.
     pub sum_m: f64,
-    /// The largest, metres.
+    /// The largest deviation, metres.
     pub max_m: f64,
-    /// How many were above the threshold between groups.
+    /// The number of deviations above the threshold between groups.
     pub above: u64,
 }
 
@@ -40,7 +42,7 @@ pub struct Deviations {
 pub(super) struct InterGroup {
     by_default: bool,
     stances: BTreeMap<BodyId, (u32, bool)>,
-    /// Bodies that moved since states were last sent, of those that this group is authoritative for.
+    /// Bodies that moved since states were last sent, among those that this group is authoritative for.
     moved: BTreeSet<BodyId>,
     told: BTreeMap<BodyId, (Tick, SharedState)>,
     reminded: BodyId,
@@ -93,7 +95,7 @@ impl Leader {
         }
     }
 
-    /// Stops correcting a body: it goes on with the velocity of its target, not with that of the correction.
+    /// Stops correcting a body. It goes on with the velocity of its target, not with that of the correction.
     fn let_go(&mut self, id: BodyId) {
         let Some(inter_group) = &mut self.inter_group else { return };
         inter_group.news.remove(&id);
@@ -123,12 +125,12 @@ impl Leader {
         }
         for state in states {
             let id = state.id;
-            // Else it was sent before this group was authoritative.
+            // A state of one of our bodies was sent before this group became authoritative.
             let theirs = !inter_group.is_ours(id, &self.clients);
             if theirs && inter_group.heard.get(&id).is_none_or(|(known, _)| *known < tick) {
                 inter_group.heard.insert(id, (tick, state));
-                // What moves is compared when it is reported, and left alone within the threshold: velocities of some
-                // ticks ago would undo what it has hit since.
+                // A body that moves is compared when it is reported, and left alone within the threshold:
+                // velocities of some ticks ago would undo what it has hit since.
                 let is_compared = self.latest.get(&id).is_some_and(|(own, _)| !own.sleeping);
                 if id.client().is_some() || !is_compared || inter_group.correcting.contains(&id) {
                     inter_group.news.insert(id);
@@ -137,7 +139,8 @@ impl Leader {
         }
     }
 
-    /// Returns how far this group's bodies were from where the authoritative groups have them, since the last call.
+    /// Returns how far this group's bodies were from where the authoritative groups have them, since the last
+    /// call.
     pub fn take_deviations(&mut self) -> Deviations {
         self.inter_group
             .as_mut()
@@ -192,8 +195,8 @@ impl Leader {
         }
     }
 
-    /// Compares bodies with the authoritative groups' after a completed tick, and sends states to the other groups at a set
-    /// rate.
+    /// Compares bodies with the authoritative groups' after a completed tick, and sends states to the other
+    /// groups at a set rate.
     pub(super) fn compare_and_tell(&mut self) {
         let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
         let thresholds = self.thresholds;
@@ -220,7 +223,7 @@ impl Leader {
             }
         }
         if tick.0.is_multiple_of(TELL_EVERY) {
-            // What was looked at by nobody until now is yet to be reported.
+            // Bodies that nobody has looked at until now are yet to be reported.
             let (reminded, most) = (inter_group.reminded, if is_known { REMINDERS } else { 0 });
             let reminders = inter_group.told.range(reminded..).skip(1).take(most);
             let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
@@ -240,7 +243,7 @@ impl Leader {
                         && deviation_m(&state.pose, &pose) < limit
                 });
                 if !foretold || !moved.contains(id) {
-                    // As of this tick: the reader has one tick per message.
+                    // States are sent as of this tick: the reader has one tick per message.
                     let lag_s = (tick.0 as f64 - at.0 as f64) * dt_s;
                     let pose = state.pose.moved(&state.velocity, lag_s);
                     let state = SharedState { pose, ..*state };
@@ -248,7 +251,7 @@ impl Leader {
                     states.push(state);
                 }
             }
-            // Even without news, so that the others can keep step.
+            // A message goes out even without news, so that the others can keep step.
             for states in alone::write(&states, STATES_BYTES) {
                 inter_group.to_server.push(ToServer::InterGroup { view, tick, states });
             }
@@ -261,7 +264,7 @@ impl Leader {
         let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
         for id in std::mem::take(&mut inter_group.news) {
             let Some(&(tick, state)) = inter_group.heard.get(&id) else { continue };
-            // What is where it should be is left alone; avatars have no other way to learn where they go.
+            // A body that is unknown here is left alone. Avatars have no other way to learn where they go.
             if id.client().is_some() || self.latest.contains_key(&id) {
                 by_tick.entry(tick).or_default().push(state);
             }
@@ -303,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Returns the leader of a group of one that is not the main one.
+    /// Returns the leader of a group of one node that is not the main group.
     fn leader() -> Leader {
         let member = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
@@ -322,7 +325,7 @@ mod tests {
         leader
     }
 
-    /// The next tick, after which the body is where `state` says.
+    /// Completes a tick, after which the body is where `state` says, and dispatches the next.
     fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
         let (view, tick) = (leader.view, leader.tick);
         leader.report(NodeId(1), Report { view, tick, states: vec![state] });

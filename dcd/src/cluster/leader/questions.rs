@@ -1,6 +1,6 @@
-//! Answers clients' questions about bodies (rays, shape casts, overlaps): each is dispatched with a tick to all members, whose
-//! answers come when they have completed it; one that says nothing then has nothing to say. A question whose answer does not
-//! come, because the members change, is asked again by its client.
+//! Answers clients' queries about bodies (rays, shape casts, overlaps): each is dispatched with a tick to all
+//! members, whose answers come when they have completed it. A member that sends none by then has nothing to
+//! answer. A query whose answer does not come, because the members change, is asked again by its client.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -9,8 +9,8 @@ use crate::protocol::{
 };
 use crate::space::{ClientId, NodeId, Tick};
 
-/// Bytes of answers that a client may be sent per tick before the rest waits: a client that reads too slowly loses its link,
-/// and several long answers at once are more than may wait for it.
+/// The bytes of answers that a client may be sent per tick before the rest waits. A client that reads too
+/// slowly loses its link, and several long answers at once are more than may wait for it.
 const ANSWER_BYTES: usize = 8 << 10;
 
 #[derive(Clone, Debug, Default)]
@@ -19,14 +19,14 @@ pub(super) struct Questions {
     open: BTreeMap<(ClientId, u64), Open>,
     /// Complete answers that are not sent yet.
     ready: VecDeque<Ready>,
-    /// Bytes of answers that each client was sent, less its allowance of every tick since.
+    /// The bytes of answers that each client was sent, less its allowance of every tick since.
     told: BTreeMap<ClientId, usize>,
 }
 
-/// A question under way.
+/// A query under way.
 #[derive(Clone, Debug)]
 struct Open {
-    /// The tick that it is dispatched with.
+    /// The tick with which it is dispatched.
     tick: Tick,
     missing: BTreeSet<NodeId>,
     cost: usize,
@@ -42,8 +42,8 @@ struct Ready {
 }
 
 impl Questions {
-    /// Takes in a client's question, perhaps asked once more. One beyond the client's bounds is dropped; the client asks it
-    /// again later.
+    /// Takes in a client's query, perhaps asked once more. A query beyond the client's bounds is dropped; the
+    /// client asks it again later.
     pub(super) fn ask(&mut self, client: ClientId, question: Query) {
         let (mut count, mut cost) = (1, question.cost());
         for (number, more) in self.unanswered(client) {
@@ -57,7 +57,7 @@ impl Questions {
         }
     }
 
-    /// Returns a client's unanswered questions by number, with what each costs.
+    /// Returns the numbers of a client's unanswered queries, with what each costs.
     fn unanswered(&self, client: ClientId) -> impl Iterator<Item = (u64, usize)> {
         let waiting = self.waiting.iter().filter(move |(of, _)| *of == client);
         let waiting = waiting.map(|(_, question)| (question.number, question.cost()));
@@ -67,7 +67,8 @@ impl Questions {
         waiting.chain(under_way).chain(ready.map(|ready| (ready.number, ready.cost)))
     }
 
-    /// Returns the questions that go with the next tick: as much as one question may cost; the rest waits.
+    /// Returns the queries that go with the next tick. Together they cost at most what one query may cost;
+    /// the rest waits.
     pub(super) fn dispatch(&mut self, tick: Tick, members: &BTreeSet<NodeId>) -> Vec<WorldOp> {
         let (mut ops, mut cost) = (Vec::new(), 0);
         while let Some((client, question)) = self.waiting.pop_front() {
@@ -95,8 +96,8 @@ impl Questions {
         }
     }
 
-    /// Notes that a member has completed a tick: its answers to what was dispatched until then have come with it, and one that it left out
-    /// keeps nobody waiting.
+    /// Notes that a member has completed a tick. Its answers to what was dispatched until then have come with
+    /// it. An answer that it left out keeps nobody waiting.
     pub(super) fn done(&mut self, node: NodeId, tick: Tick) {
         let mut over = Vec::new();
         for (&key, open) in self.open.iter_mut().filter(|(_, open)| open.tick <= tick) {
@@ -105,7 +106,7 @@ impl Questions {
         over.into_iter().for_each(|key| self.close(key));
     }
 
-    /// Has the answer to a question told, if nobody's is missing any more.
+    /// Makes the answer to a query ready to be sent, if no member's is missing any more.
     fn close(&mut self, key: (ClientId, u64)) {
         if self.open.get(&key).is_some_and(|open| open.missing.is_empty())
             && let Some(Open { cost, found, .. }) = self.open.remove(&key)
@@ -138,7 +139,7 @@ impl Questions {
         messages
     }
 
-    /// Forgets a client's questions and answers.
+    /// Forgets a client's queries and answers.
     pub(super) fn forget(&mut self, client: ClientId) {
         self.waiting.retain(|(of, _)| *of != client);
         self.open.retain(|&(of, _), _| of != client);
@@ -185,7 +186,7 @@ mod tests {
         let [one, two] = MEMBERS;
         for (node, answer) in [
             (one, answer(7, vec![hit(1, 5.0), hit(2, 2.0), None])),
-            // Sent again; to something else; of another kind; of no question.
+            // Sent again; to another query; of another kind; to no query.
             (one, answer(7, vec![None; 3])),
             (two, answer(7, vec![None; 2])),
             (two, vec![Answer { client: CLIENT, number: 7, found: QueryResult::TooMuch }]),
@@ -217,7 +218,7 @@ mod tests {
         questions.done(two, Tick(7));
         let found = QueryResult::Rays(vec![hit(1, 5.0)]);
         assert_eq!(questions.tell(), [(CLIENT, ToClient::Answer { number: 7, found })]);
-        // Of the next tick neither has said anything yet.
+        // Neither member has said anything of the next tick yet.
         questions.done(one, Tick(8));
         assert_eq!(questions.tell(), []);
         questions.answered(two, answer(8, vec![None]));
@@ -276,7 +277,7 @@ mod tests {
         }
         assert_eq!(times.len(), 4);
         assert!(times[0] == 0 && times[3] > 12, "{times:?}");
-        // Short ones are sent at once.
+        // Short answers are sent at once.
         for number in 9..20 {
             questions.ask(CLIENT, question(number, 1));
         }

@@ -1,5 +1,6 @@
-//! Gives clients to other members of the group to tell (relays), so that what all clients cost is not the leader's alone: it tells a relay
-//! once what all of that one's clients need, and the relay tells them as the leader would.
+//! Gives clients to other members of the group (relays), so that the cost of all clients does not fall on the
+//! leader alone: the leader sends a relay once what all of the relay's clients need, and the relay tells them
+//! as the leader would.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,33 +10,34 @@ use crate::cluster::state_replication::{MAX_TURNS, ReplicationEvent};
 use crate::protocol::{EnvironmentProperties, Member, Message, ToClient, ToRelay, View};
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
-/// The seconds within which a client should have a link to the relay that it is given to.
+/// The time within which a client should have a link to the relay that it is given to, seconds.
 const ON_THE_WAY_S: f64 = 5.0;
 
 /// A client that was given to a relay.
 #[derive(Clone, Copy, Debug)]
 struct Given {
     to: NodeId,
-    /// Says whether it is told there; until the relay says that the client is linked, the leader tells it.
+    /// Whether the relay tells it. Until the relay says that the client is linked, the leader tells it.
     told: bool,
     /// The tick in which it was given.
     since: Tick,
 }
 
-/// Which clients relays tell. It lasts as long as the view.
+/// The assignment of clients to relays. It lasts as long as the view.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Relays {
-    /// The clients that the leader tells itself; `None`: all.
+    /// The number of clients that the leader tells itself; `None`: all.
     above: Option<u32>,
-    /// The members that may relay: those that are no participants, but for the leader.
+    /// The members that may relay: those that are no participants, without the leader.
     members: BTreeMap<NodeId, Member>,
-    /// The ones of them that have no link here.
+    /// Those of them that have no link here.
     away: BTreeSet<NodeId>,
-    /// Clients that have named an interest since the tick before, and are not given to anybody.
+    /// Clients that have named an interest since the tick before, and of which it is not decided who tells
+    /// them.
     undecided: BTreeSet<ClientId>,
     decided: BTreeSet<ClientId>,
     given: BTreeMap<ClientId, Given>,
-    /// How often each client has been told by another, or anew.
+    /// The number of each client's present turn.
     turns: BTreeMap<ClientId, u32>,
     pub(super) messages: Vec<(NodeId, Message)>,
 }
@@ -47,12 +49,14 @@ impl Relays {
         Self { above: world.relays_above, members: members.collect(), ..Self::default() }
     }
 
-    /// Returns the number of the next turn of a client: where there are no relays, each begins with a link, and all with nothing.
+    /// Returns the number of the next turn of a client. Where there are no relays it is always 0: each turn
+    /// begins with a new link, and with nothing told.
     pub(super) fn next_turn(&mut self, client: ClientId) -> u32 {
         if self.above.is_none() {
             return 0;
         }
-        // The last one lasts: no relay comes after it, and who links anew has forgotten what it was told.
+        // The last turn lasts: no relay comes after it, and a client that links anew has forgotten what it
+        // was told.
         let next = self.turns.get(&client).map_or(0, |turn| (turn + 1).min(MAX_TURNS - 1));
         self.turns.insert(client, next);
         next
@@ -75,7 +79,8 @@ impl Relays {
         self.given.iter().filter(|(_, given)| given.to == node).map(|(&client, _)| client).collect()
     }
 
-    /// Returns who is to relay for one client more, of so many that are linked: `near`, or who has the fewest if that one has its share.
+    /// Returns the relay for one client more, where this many are linked: `near`, unless it has its share;
+    /// else the one with the fewest clients.
     fn choose(&self, linked: usize, near: Option<NodeId>) -> Option<NodeId> {
         let mut loads: BTreeMap<_, _> = self.members.keys().map(|&node| (node, 0)).collect();
         loads.retain(|node, _| !self.away.contains(node));
@@ -91,8 +96,9 @@ impl Relays {
 }
 
 impl Leader {
-    /// Gives clients that have said what they want to hear of to relays, if there are more than the leader tells itself. Members may have
-    /// begun the view later than the leader: they have when its first tick is complete.
+    /// Gives clients that have said what they want to hear of to relays, if there are more than the leader
+    /// tells itself. Members may begin the view later than the leader; when its first tick is complete, all
+    /// have begun it.
     pub(super) fn give_clients(&mut self) {
         let undecided = std::mem::take(&mut self.relays.undecided);
         let mut expected: BTreeMap<NodeId, Vec<ClientId>> = BTreeMap::new();
@@ -121,20 +127,22 @@ impl Leader {
         self.relays.messages.extend(expected.into_iter().map(expect));
     }
 
-    /// Returns how many clients are told by relays, or were given to them so lately that they may still be on their way there.
+    /// Returns how many clients are told by relays, or were given to them so lately that they may still be on
+    /// their way there.
     fn told_or_soon(&self) -> usize {
         let patience_ticks = (ON_THE_WAY_S / self.dt.as_secs_f64()) as u64;
         let is_so = |given: &&Given| given.told || self.tick.0 <= given.since.0 + patience_ticks;
         self.relays.given.values().filter(is_so).count()
     }
 
-    /// Returns how many clients it tells itself, and how many relays tell in its place.
+    /// Returns how many clients the leader tells itself, and how many relays tell in its place.
     pub fn clients_told(&self) -> (usize, usize) {
         let by_relays = self.relays.given.values().filter(|given| given.told).count();
         (self.clients.len() - by_relays, by_relays)
     }
 
-    /// Returns who computes the region in which a client is interested, or has an avatar.
+    /// Returns the member that computes the region of a client's area of interest, or else of its first
+    /// avatar.
     fn near(&self, client: ClientId) -> Option<NodeId> {
         let area = self.interests.get(&client).copied().flatten();
         let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
@@ -146,7 +154,8 @@ impl Leader {
         allocation.get(&region).copied()
     }
 
-    /// Takes in that a client has a link to a member, or none any more: it is told there if it was given to that one.
+    /// Takes in that a client has a link to a member, or none any more. If the client was given to that
+    /// member, it is told there from now on.
     pub(in crate::cluster) fn linked_elsewhere(&mut self, node: NodeId, client: ClientId, up: bool) {
         let Some(given) = self.relays.given.get_mut(&client).filter(|given| given.to == node) else { return };
         match (up, given.told) {
@@ -162,14 +171,15 @@ impl Leader {
         }
     }
 
-    /// Tells a client itself again, from the beginning.
+    /// Takes a client back from its relay: the leader tells it again, from the beginning.
     fn take_back(&mut self, client: ClientId) {
         let given = self.relays.given.get_mut(&client);
         if !given.is_some_and(|given| std::mem::replace(&mut given.told, false)) {
             return;
         }
         let turn = self.relays.next_turn(client);
-        // The next complete tick, with which interests are told else, may be long in coming: the relay may have to be given up first.
+        // Interests are otherwise told with the next complete tick. That tick may be long in coming: the
+        // relay may have to be given up first.
         let area = self.interests.get(&client).copied();
         self.news.uninterested(client);
         self.watching.forget_interests(client);
@@ -183,12 +193,12 @@ impl Leader {
         }
     }
 
-    /// Takes in that a client hears nothing of its relay.
+    /// Takes in that a client hears nothing from its relay.
     pub(in crate::cluster) fn untold(&mut self, client: ClientId) {
         self.take_back(client);
     }
 
-    /// Tells the clients of a relay itself, whose link is gone; they are its again when it is back.
+    /// Takes back the clients of a relay whose link is gone. They are its again when the link is back.
     pub(in crate::cluster) fn relay_lost(&mut self, node: NodeId) {
         self.relays.away.insert(node);
         for client in self.relays.given_to(node) {
@@ -207,7 +217,7 @@ impl Leader {
         }
     }
 
-    /// Takes in that a relay has taken in what it was told, up to this number.
+    /// Takes in that a relay has read what it was sent, up to this number.
     pub(in crate::cluster) fn fed(&mut self, node: NodeId, number: u64) {
         self.replicate(ReplicationEvent::Fed { node, number });
     }

@@ -1,5 +1,6 @@
-//! Chooses which of a group's regions are stepped in a tick (thesis 4.3.2.3): from what members say of theirs after each tick, and from what clients look at, the leader
-//! decides which stay behind in the next; all members are told.
+//! Chooses which of a group's regions are stepped in a tick (thesis 4.3.2.3): from what members say of their
+//! regions after each tick, and from what clients look at, the leader decides which regions stay behind in
+//! the next. All members are told.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,19 +13,19 @@ use crate::space::{Allocation, Cell, ClientId, DistributionTree, NodeId, RegionI
 #[derive(Clone, Debug)]
 pub(super) struct Scheduling {
     governor: Governor,
-    /// Where the world is looked at from, whoever is there.
+    /// The viewpoints of the world's own, which count whatever clients there are.
     viewpoints: Vec<Viewpoint>,
     dt_s: f32,
     allocation: Allocation,
     cells: BTreeMap<RegionId, Cell>,
-    /// By region, as told after the last tick.
+    /// The state of each region, as told after the last tick.
     states: BTreeMap<RegionId, RegionState>,
-    /// The region of which an island is audited in it.
+    /// The region of which an island is audited in the present tick.
     audited: Option<RegionId>,
 }
 
 impl Scheduling {
-    /// Returns the choice for a view; `None` where all is computed in full in every tick.
+    /// Returns the choice for a view; `None` where everything is computed in full in every tick.
     pub(super) fn new(view: &View, world: &EnvironmentProperties) -> Option<Self> {
         if world.fidelity == Fidelity::Off || world.protocol.lag_ticks() > 0 {
             return None;
@@ -42,20 +43,20 @@ impl Scheduling {
         Some(scheduling)
     }
 
-    /// Looks at the world from these places from now on, whoever is there.
+    /// Sets the world's own viewpoints, which count whatever clients there are.
     pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
         self.viewpoints = viewpoints;
     }
 
-    /// Goes on with another tree: what was said of regions is of those before.
+    /// Goes on with another tree: what was said of regions concerned those before.
     pub(super) fn settle(&mut self, tree: &DistributionTree, allocation: &Allocation) {
         self.allocation.clone_from(allocation);
         self.cells = tree.leaves().map(|region| (region, tree.cell(region))).collect();
         self.states.clear();
     }
 
-    /// Takes in what a member says of its regions after a tick, for which it has computed so long. Nobody is believed about others' regions, nor an
-    /// audit that was not asked for.
+    /// Takes in a member's regions after a tick, and how long the member has computed for it. Nobody is
+    /// believed about others' regions, nor about an audit that was not asked for.
     pub(super) fn hear(&mut self, from: NodeId, computed: Duration, states: Vec<RegionState>) {
         let mut steps_ms = 0.0;
         for state in states {
@@ -74,8 +75,10 @@ impl Scheduling {
         self.governor.note_tick(u64::from(from.0), computed.as_secs_f64() * 1e3, steps_ms);
     }
 
-    /// Chooses which regions stay behind in a tick, in which clients look at these areas, or at all, and play where these avatars are. Without a client, and without a
-    /// viewpoint of the world's own, nobody looks. `None`: nobody knows what is looked at, so all is computed in full.
+    /// Chooses the regions that stay behind in a tick. `interests` are the areas that clients look at (`None`
+    /// among them is everything), `avatars` the places of avatars. Without a client, and without a viewpoint
+    /// of the world's own, nobody looks. `interests` is `None` if nobody knows what is looked at; everything
+    /// is then computed in full.
     pub(super) fn schedule(
         &mut self,
         tick: Tick,
@@ -84,7 +87,8 @@ impl Scheduling {
     ) -> Schedule {
         self.governor.end_tick();
         self.governor.look(interests.map_or(LookedAt::All, |interests| self.looked_at(interests, avatars)));
-        // Of what is not told, as in the first tick of a view or of a tree, nothing is taken for granted.
+        // Nothing is taken for granted about a region whose state was not told, as in the first tick of a
+        // view or of a tree.
         let mut told = std::mem::take(&mut self.states);
         let known = |&region| told.remove(&region).unwrap_or(RegionState::unknown(region));
         let states: Vec<_> = self.cells.keys().map(known).collect();
@@ -95,7 +99,8 @@ impl Scheduling {
         });
         let mut schedule = self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s);
         if interests.is_none() {
-            // How far all look ahead stays as it is, so that regions may lag again as soon as it is known.
+            // How far regions look ahead stays as it is, so that regions may lag again as soon as the
+            // interests are known.
             schedule.behind.clear();
         }
         self.audited = schedule.audit.map(|pick| pick.region);
@@ -119,7 +124,7 @@ impl Scheduling {
         }
     }
 
-    /// Returns what it saves and costs.
+    /// Returns what lower rates save and cost.
     pub(super) fn report(&self) -> FidelityReport {
         self.governor.report()
     }
@@ -153,7 +158,7 @@ mod tests {
         Scheduling::new(&view, &world).expect("not all is computed in full")
     }
 
-    /// Has both members tell a tick of their regions, and a tick chosen.
+    /// Has both members tell the states of their regions after a tick, and chooses for a tick.
     fn tick(scheduling: &mut Scheduling, tick: u64, of: impl Fn(RegionState) -> RegionState) -> Schedule {
         for (region, node) in scheduling.allocation.clone() {
             let state = RegionState { awaited: false, awake: 1_000, ..RegionState::unknown(region) };

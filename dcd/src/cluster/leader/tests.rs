@@ -175,7 +175,7 @@ fn only_the_newest_input_of_an_avatar_is_dispatched() {
     assert_eq!(ops, [WorldOp::Input(input(7, 2.0))]);
 }
 
-/// Opens the next tick; returns the logical times of the inputs that it takes.
+/// Opens the next tick, and returns the logical times of the inputs that it takes.
 fn taken(leader: &mut Leader) -> Vec<u64> {
     let tick = leader.opened().0.0;
     both_done(leader, tick, vec![], vec![]);
@@ -200,12 +200,12 @@ fn an_input_that_names_a_tick_waits_for_it_and_the_client_is_told_how_early_it_c
     assert_eq!(stamp(&leader), (0, 0));
     assert_eq!((taken(&mut leader), stamp(&leader)), (vec![6], (6, 2)), "the newest of tick 4");
     assert_eq!((taken(&mut leader), stamp(&leader)), (vec![7], (7, 3)));
-    // Too late, by one, and one that nobody could mean.
+    // One input is too late, by a tick, and one names a tick that nobody could mean.
     assert_eq!(leader.accept_input(CLIENT, named(8, 5)), Ok(()));
     assert_eq!((taken(&mut leader), stamp(&leader)), (vec![8], (8, -1)));
     assert_eq!(leader.accept_input(CLIENT, named(9, u64::MAX)), Ok(()));
     assert_eq!(taken(&mut leader), [9]);
-    // What is asked later, for sooner, is what counts.
+    // A later request for an earlier tick counts.
     assert_eq!(leader.accept_input(CLIENT, named(10, 20)), Ok(()));
     assert_eq!(leader.accept_input(CLIENT, named(11, 10)), Ok(()));
     let all: Vec<_> = (0..20).flat_map(|_| taken(&mut leader)).collect();
@@ -364,13 +364,14 @@ fn a_member_is_believed_of_its_own_regions_only() {
     assert_eq!(leader.report(NodeId(2), report), 2);
     let known: Vec<_> = leader.latest.keys().copied().collect();
     assert_eq!(known, [BodyId::persistent(2)]);
-    // No member is ahead of its leader: clients would count time from there, and its owner's word of the body not count any more.
+    // No member is ahead of its leader: clients would count time from there, and the true owner's word of the
+    // body would count no more.
     let to_come = Report { view: ViewNumber(1), tick: Tick(1 << 40), states: vec![state(2, 2)] };
     assert_eq!(leader.report(NodeId(2), to_come), 1);
     assert_eq!(leader.latest[&BodyId::persistent(2)].1, Tick(1));
     let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };
     let touch = Touch { key, began: true, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 };
-    // Node 2 says so of region 1.
+    // Node 2 says so about region 1.
     let events =
         RegionEvents { region: RegionId(1), tick: Tick(1), touches: vec![touch], ..RegionEvents::default() };
     let done = Done {
@@ -391,7 +392,8 @@ fn a_member_is_believed_of_its_own_regions_only() {
     assert!(told.iter().all(|(_, said)| !matches!(said, ToClient::Contacts { .. })), "{told:?}");
 }
 
-/// Returns a leader whose members may be twelve ticks apart; it has opened five ticks, which did this, and none is completed.
+/// Returns a leader whose members may be twelve ticks apart. It has opened five ticks, with these operations,
+/// and none is completed.
 fn lagging(ops: [Vec<WorldOp>; 5]) -> Leader {
     let protocol = protocol::SyncProtocol::Unsynchronised { lag_ticks: 12 };
     let mut leader = leader_of(&EnvironmentProperties { protocol, ..sim_world(2) });
@@ -403,7 +405,7 @@ fn lagging(ops: [Vec<WorldOp>; 5]) -> Leader {
     leader
 }
 
-/// Takes in that a member has the avatar here after a tick.
+/// Takes in that node 1 has the avatar at `x` after a tick.
 fn report_avatar(leader: &mut Leader, tick: u64, x: f64) {
     let (owner, epoch) = (RegionId(1), crate::space::Epoch(0));
     let (pose, velocity) = (WorldPose::at([x, 0.0, 0.0]), Velocity::default());
@@ -460,7 +462,7 @@ fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
     leader.take_messages();
     for tick in 1..=100 {
         leader.dispatch(Duration::from_secs(tick)).unwrap();
-        // Of what moves it is told in place of that.
+        // A client that is sent states of moving bodies needs no heartbeat.
         let (id, epoch) = (AVATAR, crate::space::Epoch(0));
         let (pose, velocity) = (WorldPose::default(), Velocity::default());
         let states = vec![SharedState { id, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];
@@ -484,7 +486,8 @@ fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
     assert_eq!(told, [(CLIENT, 30, 0), (CLIENT, 40, 1), (CLIENT, 70, 0), (CLIENT, 100, 0)]);
 }
 
-/// A world of 60 ticks a second, in which one body comes to rest at the 40th, and which stops for 0.3 s at the 800th.
+/// The world has 60 ticks per second. One body comes to rest at the 40th, and the world stops for 0.3 s at
+/// the 800th.
 #[test]
 fn clients_hear_rarely_that_time_goes_on_where_it_goes_on_as_ever() {
     let mut leader = leader();
@@ -518,7 +521,7 @@ fn clients_hear_rarely_that_time_goes_on_where_it_goes_on_as_ever() {
     assert_eq!(ticks.len(), 8);
 }
 
-/// A client that acknowledges what it is told, and one that asked for little.
+/// One client acknowledges what it is told; one has also asked for few bytes.
 #[test]
 fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
     for (bytes_per_s, ticks) in [(0, 60), (40_000, 400)] {
@@ -540,7 +543,7 @@ fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
                 velocity: Velocity::default(),
                 sleeping: false,
             };
-            // At last all but one are at rest.
+            // In the end all but one are at rest.
             let states = if tick < ticks / 2 { (0..count).map(state).collect() } else { vec![state(0)] };
             leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
             both_done(&mut leader, tick, vec![], vec![]);
@@ -564,7 +567,7 @@ fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
     }
 }
 
-/// More states than a tick has time for.
+/// There are more states than a tick has time for.
 #[test]
 fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
     const BODIES: u32 = 3_000;
@@ -645,7 +648,7 @@ fn a_contact_seen_by_two_regions_begins_and_ends_once() {
     assert_eq!(told, [(CLIENT, Tick(1), true), (CLIENT, Tick(4), false), (CLIENT, Tick(5), true)]);
 }
 
-/// Returns what clients are told of beginnings and ends.
+/// Returns whether each contact of which clients are told begins (or ends).
 fn told_touches(leader: &mut Leader) -> Vec<bool> {
     let touches = |(_, message)| match message {
         ToClient::Contacts { touches, .. } => touches,
@@ -669,7 +672,7 @@ fn what_a_removed_body_touched_is_told_that_this_ends() {
     leader.dispatch(Duration::from_secs(1)).unwrap();
     both_done(&mut leader, 2, vec![touch(false)], vec![]);
     assert_eq!(told_touches(&mut leader), [false]);
-    // A body of the same name begins anew.
+    // A contact of a body with the same id begins anew.
     leader.dispatch(Duration::from_secs(2)).unwrap();
     both_done(&mut leader, 3, vec![], vec![touch(true)]);
     assert_eq!(told_touches(&mut leader), [true]);
@@ -685,12 +688,12 @@ fn who_leads_on_knows_what_touches_and_all_tell_what_the_program_asked_for() {
         let push = crate::protocol::Push::impulse(body, [1.0; 3]);
         let asked = [WorldOp::Input(Input { body, ..input(0, 1.0) }), WorldOp::Push(push)];
         former.apply([&asked[..], &[WorldOp::Remove(body)]].concat());
-        // What is on the server's record comes from there.
+        // All else comes from the server's record.
         assert_eq!(former.undone(), asked);
         let mut leader = leader();
         leader.inherit(former.into_legacy().1, |_| true);
         leader.dispatch(Duration::ZERO).unwrap();
-        // A region that another computes now says all anew.
+        // A region that another member computes now reports all its contacts anew.
         let (one, two) = if moves { (vec![], vec![touch(false)]) } else { (vec![touch(false)], vec![]) };
         both_done(&mut leader, 1, one, two);
         assert_eq!(told_touches(&mut leader), expected);

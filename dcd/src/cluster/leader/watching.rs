@@ -1,5 +1,6 @@
-//! Tells members what clients look at, so that they report what is there and nothing else; and lets an interest count when what is newly looked
-//! at has been reported: until then the leader has it as it was when somebody looked there last.
+//! Tells members what clients look at, so that they report what is there and nothing else. An interest counts
+//! when what is newly looked at has been reported: until then the leader has it as it was when somebody
+//! looked there last.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,21 +10,22 @@ use crate::cluster::server::MAX_AVATARS;
 use crate::protocol::{Area, SharedState, Watch, WorldOp};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The most avatars that members are told of with a tick; the others follow.
+/// The most avatars that members are told of with a tick. The others follow.
 const AVATARS_AT_ONCE: usize = 4_096;
 
-/// Holds what clients look at. It lasts as long as the view.
+/// The state of what clients look at, and of what members have been told of it. It lasts as long as the view.
 #[derive(Clone, Debug)]
 pub(super) struct Watching {
-    /// The ticks from one report to the next.
+    /// The number of ticks from one report to the next.
     every: u64,
-    /// As members have been told.
+    /// The coverage as members have been told.
     coverage: Coverage,
-    /// The news for them. However often a client turns, it does so once per tick.
+    /// The news for members: the last interest that each client has named. Each counts once per tick, however
+    /// often it changes.
     turned: BTreeMap<ClientId, Option<Area>>,
     left: BTreeSet<ClientId>,
     seen: BTreeMap<BodyId, Cell>,
-    /// The tick whose reports are of all that is looked at by now.
+    /// The tick whose reports cover all that is looked at by now.
     reported_at: Tick,
     /// Interests that count after a tick.
     waiting: BTreeMap<(Tick, ClientId), Option<Area>>,
@@ -49,14 +51,14 @@ impl Watching {
         self.left.insert(client);
     }
 
-    /// Forgets which interests of a client are yet to count.
+    /// Forgets the interests of a client that are yet to count.
     pub(super) fn forget_interests(&mut self, client: ClientId) {
         self.waiting.retain(|(_, waiting), _| *waiting != client);
     }
 
-    /// Notes where an avatar is of a client with an area.
+    /// Notes where an avatar of a client with an area is.
     pub(super) fn see(&mut self, avatar: &SharedState) {
-        // Others than these are made up.
+        // Avatars beyond this number are made up.
         if (avatar.id.index() as usize) < MAX_AVATARS {
             self.seen.insert(avatar.id, self.coverage.cell_of(avatar));
         }
@@ -84,7 +86,7 @@ impl Watching {
         }
         let is_all = coverage.is_all();
         let is_grown = coverage.settle();
-        // Who is told of everything is told of what has grown, too.
+        // Whoever is told of everything is told of what has grown, too.
         if is_all && !was_all || is_grown && !is_all {
             self.reported_at = Tick(now.0.next_multiple_of(self.every));
         }
@@ -94,11 +96,11 @@ impl Watching {
 }
 
 impl Leader {
-    /// Notes what a client wants to hear of: replication is told when what is there has been reported.
+    /// Notes what a client wants to hear of. The replication is told when what is there has been reported.
     pub(super) fn watch(&mut self, client: ClientId, area: Option<Area>) {
         self.watching.turned.insert(client, area);
         if self.completed().is_none() {
-            // With the first tick of a view all is reported.
+            // With the first tick of a view everything is reported.
             self.news.interested(client, area);
         }
     }
@@ -124,7 +126,7 @@ impl Leader {
         self.watching.leave(client);
     }
 
-    /// Lets interests count of which all is reported, and after the last tick all.
+    /// Tells the replication the interests whose bodies are all reported; after the last tick, all interests.
     pub(super) fn tell_interests(&mut self, is_last: bool) {
         let completed = self.completed();
         while let Some(first) = self.watching.waiting.first_entry()
@@ -139,7 +141,8 @@ impl Leader {
         }
     }
 
-    /// Returns what members are to be told of the tick that begins. While there are other groups, which are told of everything, all is looked at.
+    /// Returns what members are to be told with the tick that begins. While there are other groups, which are
+    /// told of everything, everything is looked at.
     pub(super) fn next_watch(&mut self) -> Option<WorldOp> {
         if self.inter_group.is_some() {
             self.watching.turned.insert(ClientId::NOBODY, None);

@@ -4,7 +4,8 @@ use super::{Exchange, Node, Phase};
 use crate::protocol::{Border, BorderMessage, Placed, ViewNumber, WorldOp};
 use crate::space::{Allocation, NodeId, Tick};
 
-/// Returns whether one member may say this to another, by who computes what and the newest view in which bodies were placed.
+/// Returns whether one member may say this to another, by who computes which region and by the newest view in
+/// which bodies were placed.
 pub(super) fn can_be_said(
     allocation: &Allocation,
     newest_view: u64,
@@ -18,11 +19,12 @@ pub(super) fn can_be_said(
         && (from == to || message.names_only(allocation.len()) && is_possible())
 }
 
-/// Early border messages kept from one member beside those of the ticks that members may be apart.
+/// The number of early border messages kept from one member beside those of the ticks that members may be
+/// apart.
 pub(super) const EARLY_BORDERS: usize = 4;
 
 impl Node {
-    /// Keeps a border message until its round is reached here; old ones are dropped.
+    /// Keeps a border message until its round is reached here. Old ones are dropped.
     pub(super) fn keep_early(&mut self, from: NodeId, border: Border) {
         let next_round = match self.phase {
             Phase::Resting => (self.tick.next(), 0),
@@ -50,15 +52,16 @@ impl Node {
         }
     }
 
-    /// Returns whether a member may say this: from its own region to one of ours, of regions that there are, and, if it is another one, of
-    /// bodies at epochs that can be: an owner at any other would be believed by nobody else.
+    /// Returns whether a member may say this. The message must go from a region of its own to one of ours. If
+    /// the member is another node, the message must also name only regions that exist, and bodies at possible
+    /// epochs: nobody else would believe an owner at any other epoch.
     pub(super) fn can_be(&self, from: NodeId, message: &BorderMessage) -> bool {
         let allocation = self.view.as_ref().map(|view| &view.allocation);
         allocation.is_some_and(|own| can_be_said(own, self.newest_view, (from, self.config.id), message))
     }
 
-    /// Notes in which views the bodies were placed with which a view begins. An avatar that returned meanwhile was placed in the newest of all
-    /// groups.
+    /// Notes the views in which the bodies were placed with which a view begins. An avatar that has returned
+    /// meanwhile was placed in the newest view of all groups.
     pub(super) fn begin_epochs(&mut self, view: ViewNumber, placed: &[Placed]) {
         let newest = placed.iter().map(|placed| placed.body.epoch.view()).fold(view.0, u64::max);
         self.newest_view = newest;
@@ -67,7 +70,7 @@ impl Node {
         }
     }
 
-    /// Notes in which views the bodies were placed that come in a tick.
+    /// Notes the views in which the bodies were placed that come in a tick.
     pub(super) fn learn_epochs(&mut self, ops: &[WorldOp]) {
         let come = ops.iter().flat_map(|op| match op {
             WorldOp::Insert { bodies, .. } => &bodies[..],

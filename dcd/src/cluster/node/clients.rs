@@ -5,13 +5,14 @@ use crate::cluster::{Leader, Peer, ReplicationEvent};
 use crate::protocol::{FromClient, Message, ToClient, WorldOp};
 use crate::space::{BodyId, ClientId};
 
-/// The most inputs kept from clients that hear of their new leader before it does.
+/// The most messages kept from clients that hear of their new leader before it does.
 const EARLY_INPUTS: usize = 1_024;
-/// The most that one node, which is no member yet, passes on of them.
+/// The most of these messages that are kept from one node that is no member yet.
 const EARLY_OF_ONE: usize = 256;
 
 impl Node {
-    /// Passes on a message of the client in this process; none is sent while this node leads.
+    /// Passes on a message of the client in this process. While this node leads, it is the leader that takes
+    /// it in.
     pub(super) fn own_client(&mut self, message: FromClient) {
         let Some(client) = self.config.client else { return };
         match &message {
@@ -23,13 +24,14 @@ impl Node {
         match leader {
             Some(leader) if leader == self.config.id => self.lead_client(client, message),
             Some(leader) => self.send(Peer::Node(leader), Message::FromClient(client, message)),
-            // The leader to come is told it.
+            // The leader to come will be sent it.
             None if matches!(message, FromClient::Interest(_) | FromClient::Heard(_)) => {}
             None => self.send(Peer::Server, Message::FromClient(client, message)),
         }
     }
 
-    /// Sends the interest of the client in this process again: it may be lost with the link to the leader.
+    /// Sends the interest of the client in this process again: it may have been lost with the link to the
+    /// leader.
     pub(super) fn repeat_interest(&mut self) {
         if let Some(message) = self.interest.clone() {
             self.own_client(message);
@@ -54,7 +56,7 @@ impl Node {
         match from {
             _ if !is_for_leader(&message) => self.counters.refused += 1,
             _ if speaks_for => self.lead_client(client, message),
-            // It may be a member of the coming view, which has begun there.
+            // The node may be a member of the coming view, which has begun there.
             Peer::Node(node) if changes && has_room(node) => self.early_words.push((node, client, message)),
             _ => self.counters.refused += 1,
         }
@@ -71,7 +73,7 @@ impl Node {
             (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
             (Some(leader), FromClient::Heard(heard)) => leader.heard(client, heard),
             (Some(leader), FromClient::Untold) => leader.untold(client),
-            // Of what it was told in the leader's place, or by another leader.
+            // This acknowledges what this node told it as a relay, or what another leader told it.
             (None, FromClient::Heard(heard)) => self.heard_as_relay(client, heard),
             (None, FromClient::Untold) => {}
             // The client may hear of its new leader before the leader does.
@@ -81,7 +83,7 @@ impl Node {
         }
     }
 
-    /// Notes the inputs that a tick does: whoever made them may say them again to the next leader.
+    /// Notes the inputs that a tick does. Whoever made them may send them again to the next leader.
     pub(super) fn note_inputs(&mut self, ops: &[WorldOp]) {
         for op in ops {
             match op {
@@ -95,7 +97,8 @@ impl Node {
         }
     }
 
-    /// Tells the leader of a view that begins, if that is here, which inputs are done. Bodies are dropped with the one before.
+    /// Tells the leader of a view that begins, if it is here, which inputs are done. Inputs of the dropped
+    /// bodies are forgotten.
     pub(super) fn hand_inputs_on(&mut self, dropped: &[BodyId]) {
         dropped.iter().for_each(|&id| self.forget_inputs(id));
         if let Some(leader) = &mut self.leader {
@@ -107,7 +110,7 @@ impl Node {
         [false, true].into_iter().for_each(|kind| _ = self.done_inputs.remove(&(id, kind)));
     }
 
-    /// Handles, once a view has begun, what clients sent this node in advance, if it leads.
+    /// Handles, once a view has begun and if this node leads it, what clients sent in advance.
     pub(super) fn grant_early_inputs(&mut self) {
         for (client, message) in std::mem::take(&mut self.inputs) {
             if self.leader.is_some() {
@@ -121,8 +124,9 @@ impl Node {
         }
     }
 
-    /// Tells the client in this process who leads a view that has begun, or is linked again, so that it says again what may be lost: it may have
-    /// heard so from the server, and sent its inputs again to the leader of the last view.
+    /// Tells the client in this process who leads the view that has begun, or to whom the link is back, so
+    /// that it sends again what may be lost. The client may have heard so from the server before, and have
+    /// sent its inputs again to the leader of the last view.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
         let message = ToClient::LeaderIs {
@@ -135,7 +139,7 @@ impl Node {
         self.outputs.push_back(NodeOutput::Client(message));
     }
 
-    /// Sends the leader's messages to clients and to the server.
+    /// Sends the leader's messages to clients, members and the server.
     pub(super) fn flush_leader(&mut self) {
         let messages = self.leader.as_mut().map(|leader| leader.take_messages()).unwrap_or_default();
         for (client, message) in messages {
@@ -155,7 +159,7 @@ impl Node {
         }
     }
 
-    /// Returns the leader that this node was, if it was one.
+    /// Ends this node's leading. Returns the leader that it was, if it was one.
     pub(super) fn end_leading(&mut self) -> Option<Leader> {
         let leader = self.leader.take();
         if let (Some(events), Some(_)) = (&mut self.replication, &leader) {
@@ -178,8 +182,8 @@ impl Node {
     }
 }
 
-/// Returns whether a client says this to its leader. None of that is longer than a client's frame; what lasts, and may be longer, is for the
-/// server, which puts it on record before it happens.
+/// Returns whether a client sends this to its leader. No such message is longer than a client's frame. What
+/// lasts may be longer, and goes to the server, which puts it on record before it happens.
 fn is_for_leader(message: &FromClient) -> bool {
     use FromClient::{Ask, Heard, Input, Interest, Untold};
     matches!(message, Input(_) | Interest(_) | Ask(_) | Heard(_) | Untold)

@@ -1,6 +1,6 @@
-//! Maintains the links of a node: each pair of nodes has one, dialled by the lower id (thesis 4.3.2.10). A link that breaks is
-//! dialled again, and what may have been lost is sent again; only when it does not come back does the node complain to the
-//! server.
+//! Maintains the links of a node: each pair of nodes has one, dialled by the lower id (thesis 4.3.2.10). A
+//! link that breaks is dialled again, and what may have been lost is sent again. Only when it does not come
+//! back does the node complain to the server.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -11,11 +11,12 @@ use crate::protocol::link::HANDSHAKE_TIMEOUT;
 use crate::protocol::{Border, Delay, Hello, JoinAs, Member, Message, Pong, ToServer, VERSION};
 use crate::space::NodeId;
 
-/// Rounds sent again when a link is back, beside those of the ticks that members may be apart: nobody is farther behind.
+/// The number of rounds sent again when a link is back, beside those of the ticks that members may be apart:
+/// nobody is farther behind.
 const SAID_AGAIN: usize = 2;
 /// How long a link may be down before the node complains to the server.
 const COMPLAIN_AFTER: Duration = Duration::from_millis(350);
-/// The same for one that never was up.
+/// The same for a link that never was up.
 const NEVER_UP: Duration = HANDSHAKE_TIMEOUT.saturating_mul(2);
 /// How long a member that is linked may keep the others waiting, beside twenty times what a tick takes.
 const STALL: Duration = Duration::from_millis(2_500);
@@ -31,10 +32,10 @@ struct Link {
     member: Member,
     up: bool,
     down_since: Duration,
-    /// `None` while it is up, while an attempt is under way, or when it is the other's to dial.
+    /// When to dial it. `None` while it is up, while an attempt is under way, or when the other node dials.
     dial_at: Option<Duration>,
     complain_at: Duration,
-    /// What the server knows of the delay.
+    /// The delay that the server was last told; `None`: nothing yet.
     told_ms: Option<Option<f32>>,
     said: VecDeque<Border>,
 }
@@ -82,7 +83,7 @@ impl Links {
 }
 
 impl Node {
-    /// Greets the server over a new link: who we are, and which view we compute.
+    /// Greets the server over a new link: says who this node is, and which view it computes.
     pub(super) fn greet_server(&mut self, now: Duration) {
         self.link.server_up = true;
         self.link.dial_server_at = None;
@@ -95,7 +96,7 @@ impl Node {
         let role = JoinAs::Node { address: self.config.address, client: self.config.client, resume, heard };
         self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
         if self.leader.is_some() {
-            // It may have begun anew, or what it was told may be lost with the link.
+            // The server may have begun anew, or what it was told may have been lost with the link.
             self.tell_division(self.tick.next());
         }
         if self.leaving {
@@ -104,17 +105,20 @@ impl Node {
         self.pinger.add(now, Peer::Server);
     }
 
-    /// Schedules the next dial of the server, whose link is gone or could not be made. The group computes on without it.
+    /// Schedules the next dial of the server, whose link is gone or could not be made. The group computes on
+    /// without it.
     pub(super) fn miss_server(&mut self, now: Duration) {
         self.link.dial_server_at = Some(if self.link.server_up { now } else { now + AGAIN });
         self.link.server_up = false;
-        // A change that is under way will be begun anew when the server is back: until then the group goes on as it was.
+        // When the server is back it begins a change that is under way anew. Until then the group goes on as
+        // it was.
         if self.change.as_ref().is_some_and(|change| change.adopt.is_none()) {
             self.drop_change();
         }
     }
 
-    /// Takes in the roster of nodes to be linked with.
+    /// Takes in the roster of nodes to be linked with. With `forget_others`, ends the links to nodes that are
+    /// neither on it nor members.
     pub(super) fn know(&mut self, now: Duration, roster: &[Member], forget_others: bool) {
         let me = self.config.id;
         for member in roster.iter().filter(|member| member.node != me) {
@@ -130,12 +134,12 @@ impl Node {
             if link.up {
                 link.dial_at = None;
             } else if self.others.contains(&member.node) {
-                // What could wait while it was of another group cannot any more.
+                // A link to a node of another group could wait; one to a member cannot.
                 link.dial_at = link.dial_at.map(|at| at.min(now));
                 link.complain_at = link.complain_at.max(now + COMPLAIN_AFTER);
             }
             if !link.up && me < member.node && link.member.address != member.address {
-                // What is under way goes to where it was.
+                // The attempt under way goes to the former address.
                 link.dial_at = Some(now);
             }
             link.member = member.clone();
@@ -146,7 +150,7 @@ impl Node {
             let gone: Vec<_> = self.link.nodes.keys().filter(|node| !is_known(node)).copied().collect();
             for node in gone {
                 self.link.nodes.remove(&node);
-                // Who closes a link hears no more of it.
+                // The end that closes a link hears no more of it.
                 self.links.remove(&Peer::Node(node));
                 self.pinger.remove(Peer::Node(node));
                 if let Some(watch) = &mut self.watch {
@@ -165,7 +169,7 @@ impl Node {
         if let Some(leader) = &mut self.leader {
             leader.relay_back(node);
         }
-        // What was under way may be lost; what is known is passed over by the receiver.
+        // Messages on their way may be lost. The receiver passes over those that it knows.
         let again: Vec<_> = link.said.iter().cloned().map(Message::Border).collect();
         for message in again {
             self.send(Peer::Node(node), message);
@@ -189,7 +193,7 @@ impl Node {
                 self.send(Peer::Node(node), Message::Done(done));
             }
             self.repeat_interest();
-            // Its inputs may be lost with the link, too.
+            // Its inputs may have been lost with the link, too.
             self.tell_own_client();
         }
     }
@@ -210,7 +214,7 @@ impl Node {
         }
     }
 
-    /// Takes in a complete round trip: the delay may be a reason to call for a vote.
+    /// Takes in a complete round trip. The delay may be a reason to call for a vote.
     pub(super) fn hear_pong(&mut self, now: Duration, from: Peer, pong: Pong) {
         self.pinger.pong(now, from, pong);
         let Peer::Node(node) = from else { return };
@@ -263,14 +267,15 @@ impl Node {
         }
     }
 
-    /// Returns when members that are linked, but send nothing, are complained of.
+    /// Returns when the node is to complain of members that are linked but send nothing.
     pub(super) fn stalled_at(&self) -> Option<Duration> {
         let waits = self.view.is_some() && self.change.is_none() && self.link.server_up;
         let first = self.laggards().into_iter().map(|node| self.suspect_at(node)).min();
         first.filter(|_| waits).map(|at| at.max(self.complained_at))
     }
 
-    /// Returns until when a member may keep this node waiting: it may wait itself, and say so; but not for ever.
+    /// Returns until when a member may keep this node waiting. A member that waits itself, and says so, gets
+    /// more time, but not without end.
     fn suspect_at(&self, node: NodeId) -> Duration {
         let waited = self.waiting.get(&node).map_or(Duration::ZERO, |&at| at.min(self.since + 2 * STALL));
         let heard = match self.since_leader {
@@ -289,15 +294,15 @@ impl Node {
         }
     }
 
-    /// Returns when a node that waits for others is to say so.
+    /// Returns when the node is to say that it waits for others, if it does.
     pub(super) fn reassurance_at(&self) -> Option<Duration> {
         let misses = self.leader.as_ref().is_some_and(|leader| leader.missing().next().is_some());
         let waits = misses || matches!(self.phase, Phase::Exchanging(_));
         (waits && self.change.is_none()).then(|| self.reassure_at.max(self.since + STALL / 4))
     }
 
-    /// Sends the other members a heartbeat: they hear that it is not this node who hangs. Who waits for it may be no neighbour of the
-    /// one that it waits for.
+    /// Sends the other members a heartbeat, which says that this node waits and does not hang. A member that
+    /// waits for this node may not be a neighbour of the one that this node waits for.
     pub(super) fn reassure(&mut self, now: Duration) {
         if self.reassurance_at().is_none_or(|at| now < at) {
             return;

@@ -1,5 +1,5 @@
-//! Runs the ticks (lockstep) and view changes of a node: every event leads to [`Node::progress`], which does whatever the state
-//! now allows.
+//! Runs the ticks (lockstep) and view changes of a node: every event leads to [`Node::progress`], which does
+//! whatever the state now allows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -40,7 +40,7 @@ impl Node {
             }
             ToNode::WorldEnd => {
                 self.send_server(ToServer::Loaded);
-                // The server may have forgotten.
+                // The server may have forgotten the wish to leave.
                 if self.leaving {
                     self.send_server(ToServer::Leave);
                 }
@@ -106,7 +106,7 @@ impl Node {
         }
     }
 
-    /// Takes in where the server's program looks at the world from: as the leader of this view, or as the one to be.
+    /// Takes in the viewpoints of the server's program, as the leader of this view or the leader to be.
     fn look(&mut self, of: ViewNumber, viewpoints: Vec<Viewpoint>) {
         let coming = self.change.as_mut().and_then(|change| change.adopt.as_mut());
         match (coming, &mut self.leader) {
@@ -119,12 +119,12 @@ impl Node {
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
         let leads =
             self.view.as_ref().is_some_and(|view| view.leader == from && view.number == dispatch.view);
-        // No tick is opened before all have completed those that it may be ahead of.
+        // No tick is opened before all members have completed those that it may be ahead of.
         let newest = self.tick.0 + self.lag() + 1;
         if !leads || dispatch.tick <= self.dispatched || dispatch.tick.0 > newest {
             self.counters.stale += 1;
         } else if self.change.is_some() {
-            // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
+            // A node that has answered `Settle` starts only what `Finish` tells it to.
             let is_new = self.held.last().map_or(self.dispatched, |held| held.tick).next() == dispatch.tick;
             self.held.extend(Some(dispatch).filter(|_| is_new));
         } else if dispatch.tick == self.dispatched.next() {
@@ -237,7 +237,7 @@ impl Node {
         }
     }
 
-    /// Does what can be done: one command to the physics at most, and the leader's next tick.
+    /// Does what can be done: gives the physics one command at most, and opens the leader's next tick.
     pub(super) fn progress(&mut self, now: Duration) {
         self.go_on(now);
         self.verify();
@@ -300,7 +300,8 @@ impl Node {
     fn step(&mut self, now: Duration, Dispatch { tick, rounds, ops, .. }: Dispatch) {
         assert_eq!(tick, self.tick.next(), "ticks follow one another");
         let changes: Vec<_> = ops.iter().filter_map(WorldOp::repartition).collect();
-        // Messages name regions as they were when they were written.
+        // Border messages name regions as they were when they were written, so those on their way are taken
+        // in first.
         if !changes.is_empty() && self.lag() > 0 && self.drained < self.tick {
             return self.drain(now);
         }
@@ -314,8 +315,9 @@ impl Node {
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
     }
 
-    /// Sends the regions' border messages to the members that compute neighbours of them, and waits for theirs (a barrier). At the
-    /// beginning of a view, and where messages are taken in later than they are written, all members exchange.
+    /// Sends the regions' border messages to the members that compute neighbours of them, and waits for
+    /// theirs (a barrier). At the beginning of a view, and where messages are taken in later than they are
+    /// written, all members exchange.
     fn exchange(&mut self, outgoing: Vec<BorderMessage>, neighbours: &[RegionId], removed: Vec<BodyRecord>) {
         let view = self.view.as_ref().expect("only members compute");
         let number = view.number;
@@ -334,7 +336,7 @@ impl Node {
             with.iter().map(|&node| (node, Vec::new())).collect();
         by_node.insert(me, Vec::new());
         for message in outgoing {
-            // Messages to regions of the dead end here: the survey finds what they carried.
+            // Messages to regions of dead members end here. The survey finds what they carried.
             if let Some(messages) = view.allocation.get(&message.to).and_then(|node| by_node.get_mut(node)) {
                 messages.push(message);
             }
@@ -357,11 +359,13 @@ impl Node {
         }
     }
 
-    /// Hands the round to the physics once the border messages of every other member have arrived.
+    /// Hands the round to the physics once the border messages of all members that it exchanges with have
+    /// arrived.
     fn accept(&mut self) {
         let number = self.number();
         let Phase::Exchanging(Exchange { tick, round, .. }) = self.phase else { return };
-        // All begin a view together: what is said of it before its leader has heard of it is lost.
+        // All members begin a view together: the leader would drop what is said of a view that it has not
+        // heard of.
         let begins = self.view.as_ref().is_some_and(|view| view.tick == tick);
         let is_new = |heard: &Tick| self.lag() == 0 || begins || *heard > self.drained;
         let heard = self.heard_after(tick).filter(is_new);
@@ -400,7 +404,7 @@ impl Node {
         }
         incoming.sort_by_key(|message| (message.from, message.to));
         self.amend(tick, &mut incoming);
-        // The first exchange of a view, and the end of a world, bring leader and server up to date with everything.
+        // In the first exchange of a view, and at the end of a world, leader and server are sent everything.
         let last = self.world.as_ref().and_then(|world| world.last_tick);
         let sample = |every| match tick {
             tick if begins || Some(tick) == last => Sampling::All,
@@ -415,7 +419,7 @@ impl Node {
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint, load });
     }
 
-    /// Returns after how many ticks moved bodies are reported to the leader.
+    /// Returns the number of ticks from one report of moved bodies to the leader to the next.
     pub(super) fn state_every(&self) -> u64 {
         self.world.as_ref().map_or(1, |world| u64::from(world.state_every))
     }
@@ -442,8 +446,8 @@ impl Node {
         }
     }
 
-    /// Returns the tick whose messages are taken in at the end of this one: an earlier one when members are not in step.
-    /// `None`: none yet.
+    /// Returns the tick whose messages are taken in at the end of this one: an earlier one when members are
+    /// not in step. `None`: none yet.
     pub(super) fn heard_after(&self, tick: Tick) -> Option<Tick> {
         let view = self.view.as_ref().map_or(Tick(0), |view| view.tick);
         let lag = self.lag();
@@ -454,7 +458,8 @@ impl Node {
         }
     }
 
-    /// Takes in the border messages of members' last ticks before a survey, or a change of the tree: nothing must be on its way.
+    /// Takes in the border messages of members' last ticks before a survey or a change of the tree, when
+    /// nothing must be on its way.
     fn drain(&mut self, now: Duration) {
         let Some(mut incoming) = self.unheard() else { return };
         let goes_on = self.dispatches.iter().any(|dispatch| dispatch.tick == self.tick.next());
@@ -470,7 +475,7 @@ impl Node {
         self.ask(PhysicsCommand::Drain { tick: self.tick, incoming });
     }
 
-    /// Returns the border messages that were not taken in yet. `None`: not all of it has arrived.
+    /// Returns the border messages that were not taken in yet. `None`: some have not arrived.
     fn unheard(&self) -> Option<Vec<BorderMessage>> {
         let Some(view) = self.view.as_ref().filter(|_| self.lag() > 0) else { return Some(Vec::new()) };
         let from = self.heard_after(self.tick).unwrap_or(view.tick).max(self.drained).next();
@@ -486,7 +491,8 @@ impl Node {
         Some(unheard)
     }
 
-    /// Applies to bodies that were on their way the removals and inputs dispatched since their messages were written.
+    /// Applies to bodies on their way the removals, inputs and alterations that were dispatched since their
+    /// messages were written.
     fn amend(&mut self, tick: Tick, incoming: &mut [BorderMessage]) {
         let mut removed = Vec::new();
         for dispatch in self.dispatches.iter().filter(|dispatch| dispatch.tick <= tick) {
@@ -536,20 +542,20 @@ impl Node {
     }
 }
 
-/// Returns whether the server says this of a world that it has named before.
+/// Returns whether the server sends this only about a world that it has named before.
 fn needs_world(message: &ToNode) -> bool {
     use ToNode::{Adopt, Chunk, Fetch, Finish, Settle, WorldEnd};
     matches!(message, Chunk(_) | WorldEnd | Settle { .. } | Finish { .. } | Fetch { .. } | Adopt { .. })
 }
 
-/// Returns the ticks from one report of the load to the next, if the world is balanced: what a plan was made from, and what came of it,
-/// is with all members by then.
+/// Returns the number of ticks from one report of the load to the next, if the world is balanced. By the next
+/// report all members have made the change that was planned from the last one.
 fn load_every(world: &EnvironmentProperties) -> Option<u64> {
     let every = u64::from(world.balance.as_ref()?.every_ticks);
     Some(every.max(2 * world.protocol.lag_ticks() + 2))
 }
 
-/// Keeps what clients may want to hear of: contacts of avatars.
+/// Keeps of a region's contact events those of avatars, which clients may want.
 fn of_avatars(mut events: RegionEvents) -> Option<RegionEvents> {
     events.touches.retain(|touch| touch.key.a.client().or(touch.key.b.client()).is_some());
     events.forces.retain(|force| force.key.a.client().or(force.key.b.client()).is_some());

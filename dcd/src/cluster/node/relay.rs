@@ -1,5 +1,5 @@
-//! Tells some of the leader's clients the states of bodies in its place (a relay): by the same replication as a leader has, which the leader
-//! feeds. All else goes on between the leader and its clients.
+//! Tells some of the leader's clients the states of bodies in its place (a relay), by the same replication as
+//! a leader's, which the leader feeds. All else goes on between the leader and its clients.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -11,19 +11,20 @@ use crate::cluster::{Peer, ReplicationEvent, StateReplication};
 use crate::protocol::{Heard, Message, ToRelay, ViewNumber};
 use crate::space::{ClientId, NodeId};
 
-/// What a node does as a relay. It lasts as long as the view.
+/// The state of a node as a relay. It lasts as long as the view.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Relay {
-    /// Clients that the leader wants to hear of when their links begin and end.
+    /// The clients of whose links' beginnings and ends the leader wants to hear.
     expected: BTreeSet<ClientId>,
-    /// Clients that it tells.
+    /// The clients that the relay tells.
     told: BTreeSet<ClientId>,
-    /// While it tells clients; if that is done elsewhere, without events: those go with a leader's.
+    /// The replication, once the relay is to tell clients. If it runs elsewhere, its events go with those of
+    /// a leader.
     replication: Option<Replication>,
 }
 
 impl Relay {
-    /// Counts clients that come to be told here, by their turns, or are no more.
+    /// Counts clients that are told here from now on (those with a turn), or no more.
     fn count(&mut self, clients: &[(ClientId, Option<u32>)]) {
         for (client, turn) in clients {
             match turn {
@@ -35,7 +36,7 @@ impl Relay {
 }
 
 impl Node {
-    /// Takes in what the leader says to it as a relay.
+    /// Takes in a message of the leader to its relay.
     pub(super) fn hear_as_relay(&mut self, now: Duration, from: NodeId, message: ToRelay) {
         let (view, begins) = match &message {
             ToRelay::Expect { view, .. } | ToRelay::Guess { view, .. } => (*view, false),
@@ -83,12 +84,13 @@ impl Node {
         self.relay.told.clear();
     }
 
-    /// Returns how many clients this node tells of the world, and how many others tell in its place while it leads.
+    /// Returns how many clients this node tells of the world, and how many relays tell in its place while it
+    /// leads.
     pub fn clients_told(&self) -> (usize, usize) {
         self.leader.as_ref().map_or((self.relay.told.len(), 0), Leader::clients_told)
     }
 
-    /// Gives its replication an event, and sends what follows from it.
+    /// Gives the relay's replication an event, and sends what follows from it.
     fn relay_event(&mut self, event: ReplicationEvent) {
         let Some(replication) = &mut self.relay.replication else { return };
         let (messages, for_leader) = replication.handle(event);
@@ -106,13 +108,13 @@ impl Node {
         }
     }
 
-    /// Takes in what a client of its own has acknowledged.
+    /// Takes in what a client of the relay has acknowledged.
     pub(super) fn heard_as_relay(&mut self, client: ClientId, heard: Heard) {
         let now = self.tick;
         self.relay_event(ReplicationEvent::Heard { client, heard, now });
     }
 
-    /// Tells the leader that a client's link is there, or gone, if it expects to hear of it.
+    /// Tells the leader that a client's link is there or gone, if the leader expects to hear of it.
     pub(super) fn tell_of_link(&mut self, client: ClientId, up: bool) {
         if !self.relay.expected.contains(&client) {
             return;
@@ -122,7 +124,7 @@ impl Node {
         self.send(to, Message::Linked { view, client, up });
     }
 
-    /// Tells no clients any more: the view ends.
+    /// Ends the relay, since the view ends.
     pub(super) fn end_relaying(&mut self) {
         if std::mem::take(&mut self.relay).replication.is_some()
             && let Some(events) = &mut self.replication

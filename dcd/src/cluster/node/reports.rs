@@ -1,5 +1,5 @@
-//! Chooses which of a member's bodies it reports to the leader: those that somebody looks at. So the leader has nothing to do with all the
-//! others, however many the group computes.
+//! Chooses which of a member's bodies it reports to the leader: those that somebody looks at. So the leader
+//! has nothing to do with all others, however many the group computes.
 
 use std::collections::BTreeMap;
 
@@ -9,21 +9,25 @@ use crate::cluster::coverage::Coverage;
 use crate::protocol::{SharedState, Watch, WorldOp};
 use crate::space::BodyId;
 
-/// Holds what clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
+/// The state of a member's reports: what clients look at, and what the leader knows of this member's bodies.
+/// It lasts as long as a view.
 ///
-/// Wherever somebody looks, the leader has all bodies as the last reports had them, and none that has been gone from there since.
+/// Wherever somebody looks, the leader has all bodies as the last reports had them, and none that has gone
+/// from there since.
 #[derive(Clone, Debug)]
 pub(super) struct Reports {
     coverage: Coverage,
-    /// What the leader was told last of each body; nothing of one: it is told of that whatever happens.
+    /// The state that the leader was last told of each body. A body without an entry is reported wherever it
+    /// is.
     told: BTreeMap<BodyId, SharedState>,
-    /// Bodies that the leader does not have as they are, since nobody looked. One that is awake is in the next sample, or is gone.
+    /// The last states of bodies that the leader does not have so, since nobody looked. Those awake are in
+    /// the next sample, or gone.
     untold: BTreeMap<BodyId, SharedState>,
     /// Whether the next report is to look through all bodies.
     looks_through: bool,
-    /// Whether somebody looks at everything since the report before.
+    /// Whether somebody has begun to look at everything since the report before.
     all_begins: bool,
-    /// From what the report of the tick is chosen that is being computed, if there is one.
+    /// The sample from which the report of the present tick is chosen, if there is a report.
     asked: Option<Sampling>,
 }
 
@@ -41,14 +45,14 @@ impl Default for Reports {
 }
 
 impl Reports {
-    /// Has all said again: reports may be lost.
+    /// Has everything reported again: reports may be lost.
     pub(super) fn begin_anew(&mut self) {
         self.told.clear();
         self.untold.clear();
         self.looks_through = true;
     }
 
-    /// Takes in what a tick changes.
+    /// Takes in what a tick's operations change for reports.
     fn learn(&mut self, ops: &[WorldOp]) {
         for op in ops {
             match op {
@@ -57,7 +61,8 @@ impl Reports {
                     self.forget(*id);
                     self.coverage.forget(*id);
                 }
-                // A region that is handed over, and back, keeps the epochs of its bodies, and what sleeps in it is in no sample.
+                // A region that is handed over and back keeps the epochs of its bodies, and bodies that sleep
+                // in it are in no sample.
                 WorldOp::Repartition(_) => self.begin_anew(),
                 WorldOp::Watch(watch) => self.watch(watch),
                 _ => {}
@@ -78,20 +83,22 @@ impl Reports {
         self.all_begins |= self.coverage.is_all() && !was_all;
     }
 
-    /// Returns which bodies the report of the present tick is chosen from. It is asked once per exchange of the tick.
+    /// Returns the sample from which the report of the present tick is chosen. It is called once per exchange
+    /// of the tick.
     fn sampling(&mut self) -> Sampling {
         let is_grown = self.all_begins || self.coverage.has_grown();
-        // What came to be looked at may be another member's by now.
+        // A body that has come to be looked at may be another member's by now.
         let comes = is_grown && self.untold.values().any(|state| self.is_due(state));
         let sampling = if self.looks_through || comes { Sampling::All } else { Sampling::Moved };
         self.asked = Some(sampling);
         sampling
     }
 
-    /// Returns what the leader is told of the bodies of a sample, with which the tick ends: everything, if it is so `throughout` the view.
+    /// Returns which states of a sample the leader is told at the end of the tick; all of them, if everything
+    /// is reported `throughout` the view.
     fn choose(&mut self, sampled: Vec<SharedState>, throughout: bool) -> Vec<SharedState> {
         let Some(sampling) = self.asked.take() else {
-            // Everything, as with the first tick of a view, or nothing.
+            // The sample is all bodies, as with the first tick of a view, or none.
             self.told.extend(sampled.iter().map(|state| (state.id, *state)));
             return sampled;
         };
@@ -99,7 +106,7 @@ impl Reports {
         self.coverage.settle();
         if throughout || self.coverage.is_all() {
             self.looks_through &= sampling != Sampling::All;
-            // The leader has all as it is, and it need not be known how that is.
+            // The leader has every body as it is. Their states need not be kept for that.
             self.told.clear();
             self.untold.clear();
             return sampled;
@@ -114,7 +121,8 @@ impl Reports {
         }
         let mut due = Vec::new();
         for state in sampled {
-            // Of what has moved; and of all others what the leader does not have so.
+            // Of a sample of moved bodies every due one is reported; of a sample of all, those that the
+            // leader does not have so.
             let is_known = self.told.get(&state.id) == Some(&state);
             match self.is_due(&state) {
                 true if sampling == Sampling::Moved || !is_known => due.push(state),
@@ -127,24 +135,24 @@ impl Reports {
     }
 
     fn is_due(&self, state: &SharedState) -> bool {
-        // One that has been another's since may have been reported by that one.
+        // A body that has been another member's since may have been reported by that member.
         let told = self.told.get(&state.id).filter(|told| told.epoch == state.epoch);
         let Some(told) = told else { return true };
         let is_seen = |state: &SharedState| self.coverage.covers(state.pose.translation);
         let is_watched = self.coverage.is_all() || state.id.client().is_some();
-        // One that is awake has moved, or is where it was, though others would think it has moved on.
+        // A body that is awake has moved, or stays where others would think that it has moved on.
         let is_new = !state.sleeping || told != state;
         is_new && (is_watched || is_seen(state) || is_seen(told))
     }
 }
 
 impl Node {
-    /// Takes in what a tick changes of what is reported.
+    /// Takes in what a tick's operations change for reports.
     pub(super) fn learn_watch(&mut self, ops: &[WorldOp]) {
         self.reports.learn(ops);
     }
 
-    /// Returns which bodies the report of a tick is chosen from, of which there is one.
+    /// Returns the sample from which the report of a tick is chosen, given the sample that is due.
     pub(super) fn report_of(&mut self, due: Sampling) -> Sampling {
         match due {
             Sampling::Moved => self.reports.sampling(),
@@ -152,7 +160,8 @@ impl Node {
         }
     }
 
-    /// Returns what the leader is told of the bodies of a sample. Participants are verified by what they report: whoever looks, that is everything.
+    /// Returns which states of a sample the leader is told. Participants are verified by what they report:
+    /// they report everything, whoever looks.
     pub(super) fn reported(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
         let is_verified = self.config.client.is_some() && self.witness.verified().is_some();
         self.reports.choose(sampled, is_verified)
@@ -171,7 +180,8 @@ mod tests {
         SharedState { id, owner, epoch, pose, velocity: Velocity::default(), sleeping }
     }
 
-    /// A member's bodies, each with whether it was awake at the last report, as a device samples them.
+    /// A member with its bodies, which samples them as a device does; `awake` lists those awake at the last
+    /// report.
     #[derive(Default)]
     struct Device {
         reports: Reports,
@@ -193,7 +203,8 @@ mod tests {
         }
     }
 
-    /// Bodies move, jump, fall asleep, change owner and disappear, and interests change, at random; two members report.
+    /// Bodies move, jump, fall asleep, change owner and disappear, and interests change, at random. Two
+    /// members report.
     #[test]
     fn the_leader_has_what_is_looked_at_as_it_is_and_hears_little_of_the_rest() {
         let (mut told, mut looked_through) = (0, 0);
@@ -209,13 +220,13 @@ mod tests {
                 let body = state(id, Epoch(0), place(&mut random), false);
                 devices[at as usize % 2].owned.insert(id, body);
             }
-            // With the first tick of a view all is reported.
+            // With the first tick of a view everything is reported.
             for device in &mut devices {
                 let all = device.owned.values().copied().collect();
                 leader.extend(device.reports.choose(all, false).into_iter().map(|state| (state.id, state)));
             }
             for round in 1..60 {
-                // A body of one is the other's from now on, or is gone and made anew.
+                // A body of one member becomes the other's, or is removed.
                 let from = random.below(2) as usize;
                 let nth = random.below(20) as usize;
                 let Some((&id, &(mut body))) = devices[from].owned.iter().nth(nth) else { continue };
@@ -225,7 +236,7 @@ mod tests {
                         devices[from].owned.remove(&id);
                         body.epoch = Epoch(body.epoch.0 + 1);
                         devices[1 - from].owned.insert(id, body);
-                        // What crosses a border is awake.
+                        // A body that crosses a border is awake.
                         devices[1 - from].awake.push(id);
                     }
                     2 => {
@@ -245,7 +256,7 @@ mod tests {
                             _ => continue,
                         };
                         body.sleeping = random.below(2) == 0;
-                        // What moves is awake for a while at least.
+                        // A body that moves is awake for a while at least.
                         device.awake.push(body.id);
                     }
                 }
@@ -278,7 +289,7 @@ mod tests {
                     device.reports.sampling();
                     let report = device.report();
                     (told, looked_through) = (told + report.len(), looked_through + device.owned.len());
-                    // What another has told since is newer.
+                    // A state that the other member has reported at a later epoch is newer.
                     let is_new = |state: &SharedState| {
                         leader.get(&state.id).is_none_or(|known| known.epoch <= state.epoch)
                     };

@@ -1,6 +1,6 @@
-//! Computes speculative ticks: a node that waits for others in vain computes on for its clients, on a copy of what it holds.
-//! Nothing of it is ever committed: when the others are back, the copy is discarded and the world goes on where the barrier
-//! stood.
+//! Computes speculative ticks: a node that waits for others in vain computes on for its clients, on a copy of
+//! what it holds. Nothing of that is ever committed. When the others are back, the copy is discarded and the
+//! world goes on where the barrier stood.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,7 +12,8 @@ use crate::space::{BodyId, Tick};
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Speculation {
-    /// Speculative ticks since the last one that counts, and when the next is due; `None`: all is well.
+    /// The number of speculative ticks since the last tick that counts, and when the next is due. `None`: the
+    /// node does not speculate.
     running: Option<(u64, Duration)>,
     /// The newest inputs of the client in this process since then.
     inputs: BTreeMap<BodyId, Input>,
@@ -64,7 +65,7 @@ impl Node {
     /// Sends clients the states of a speculative tick.
     pub(super) fn speculated(&mut self, states: Vec<SharedState>) {
         let Some((count, _)) = self.speculation.running else { return };
-        // As often as of ticks that count: more would crowd those out on a thin link.
+        // States are sent as rarely as those of ticks that count: more would crowd those out on a thin link.
         if !(count - 1).is_multiple_of(self.state_every()) {
             return;
         }
@@ -81,7 +82,7 @@ impl Node {
         }
     }
 
-    /// Ends speculation and discards the copy: the others are back.
+    /// Ends speculation and discards the copy.
     pub(super) fn end_speculation(&mut self) {
         if self.speculation.running.is_some() {
             self.speculation = Speculation::default();

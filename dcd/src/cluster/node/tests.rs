@@ -1,4 +1,5 @@
-//! Tests which messages a node refuses, keeps and drops, and what becomes of bodies on their way when the view changes.
+//! Tests which messages a node refuses, keeps and drops, and what becomes of bodies on their way when the
+//! view changes.
 
 mod clients;
 mod said_again;
@@ -19,7 +20,7 @@ fn server(node: &mut Node, message: ToNode) {
     node.handle(NOW, NodeEvent::Message { from: Peer::Server, message: Message::ToNode(message) });
 }
 
-/// Node 2 of two members, led by node 1, about to exchange the first borders of view 1.
+/// Returns node 2 of two members, led by node 1, about to exchange the first borders of view 1.
 fn member() -> Node {
     member_with(None, 1, sim_world(2))
 }
@@ -28,7 +29,7 @@ fn member_with(client: Option<ClientId>, state_every: u32, world: EnvironmentPro
     adopted(client, state_every, world).0
 }
 
-/// And what it says when the view begins.
+/// Returns such a node, and what it says when the view begins.
 fn adopted(
     client: Option<ClientId>,
     state_every: u32,
@@ -90,7 +91,7 @@ fn dispatch(tick: u64, ops: Vec<WorldOp>) -> Dispatch {
     Dispatch { view: ViewNumber(1), tick: Tick(tick), rounds: 1, ops }
 }
 
-/// The physics has computed, or taken in what the others said.
+/// Has the physics answer that it has computed, or taken in what the others said.
 fn computed(node: &mut Node) -> Vec<NodeOutput> {
     node.handle(
         NOW,
@@ -243,7 +244,7 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     node.handle(NOW, dispatch(1, 1));
     node.handle(NOW, dispatch(1, 3));
     assert_eq!((drain(&mut node), node.counters().stale), (vec![], 3));
-    // Nothing comes of the change: what the leader said meanwhile counts.
+    // Nothing comes of the change, so what the leader said meanwhile counts.
     node.handle(NOW, NodeEvent::Disconnected(Peer::Server));
     let outputs = drain(&mut node);
     assert!(
@@ -338,7 +339,7 @@ fn what_is_told_of_a_view_change_goes_in_parts_that_each_are_a_message() {
     assert!(told == before, "all of them, in order");
     assert_eq!(ends.iter().filter(|last| **last).count(), 1);
     assert!(ends.len() > 1 && ends.ends_with(&[true]), "{ends:?}");
-    // It is told likewise what it is to complete.
+    // The node is told in parts, too, what it is to complete.
     let survivors = vec![NodeId(1), NodeId(2)];
     let mut parts = told.into_iter().map(|one| vec![one]).peekable();
     while let Some(dispatches) = parts.next() {
@@ -365,8 +366,9 @@ fn handing_over(tick: u64, ids: &[BodyId]) -> BorderMessage {
     BorderMessage { from, to, tick: Tick(tick), transfers, ..BorderMessage::default() }
 }
 
-/// The same member of a world whose members are two ticks apart. After the second tick, two avatars are on their way to
-/// it since the first, of which one was driven and the other removed in the second, and another body since the second.
+/// Returns the same member of a world whose members are two ticks apart, after the second tick. Two avatars
+/// are on their way to it since the first tick: the second tick drives one and removes the other. Another
+/// body is on its way since the second tick.
 fn member_out_of_step() -> Node {
     let protocol = crate::protocol::SyncProtocol::Unsynchronised { lag_ticks: 2 };
     let mut node = member_with(None, 1, EnvironmentProperties { protocol, ..sim_world(2) });
@@ -442,7 +444,7 @@ fn complete(node: &mut Node, tick: u64, ops: Vec<WorldOp>) {
     settle(node);
 }
 
-/// All members have stopped, and finish what they have begun.
+/// Has all members stop, and finish what they have begun.
 fn change_view(node: &mut Node, number: u64) -> Vec<NodeOutput> {
     let view = ViewNumber(number);
     server(node, ToNode::Settle { view });
@@ -631,7 +633,7 @@ fn a_leader_that_opens_ticks_which_cannot_be_is_not_followed_there() {
     assert_eq!((node.dispatches.len(), node.counters().stale), (1, 98), "nobody has completed the first");
 }
 
-/// A roster of nodes 1 and 2, and of node 3 at a port, if it is there.
+/// Returns a roster of nodes 1 and 2, and of node 3 at a port, if it is there; and node 3's entry.
 fn roster(port: Option<u16>) -> (Option<Member>, Message) {
     let at = |id, port| Member { node: NodeId(id), address: ([127, 0, 0, 1], port).into(), client: None };
     let third = port.map(|port| at(3, port));
@@ -659,7 +661,7 @@ fn a_link_that_comes_up_while_its_peer_is_forgotten_is_not_closed_in_place_of_th
     node.handle(NOW, NodeEvent::Disconnected(peer));
     let before = roster(Some(3)).0;
     assert!(dials(&mut node, before), "again, since its link is gone");
-    // One turn: what it says is carried out after both.
+    // Both events come in one turn: the node's outputs are carried out after both.
     hears_roster(&mut node, None);
     node.handle(NOW, NodeEvent::Connected(peer));
     if !drain(&mut node).contains(&NodeOutput::Disconnect(NodeId(3))) {

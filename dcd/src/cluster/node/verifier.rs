@@ -1,5 +1,6 @@
-//! Computes once more what participants compute, from what other members told them, and compares what they told others: the part of a
-//! dedicated leader. It begins with a participant that has kept nothing of an earlier view, so that all that it begins with is known.
+//! Computes once more what participants compute, from what other members told them, and compares what they
+//! told others. This is part of a dedicated leader's work. It begins with a participant that has kept nothing
+//! of an earlier view, so that everything that the participant begins with is known.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -12,37 +13,39 @@ use crate::protocol::{
 };
 use crate::space::{Allocation, BodyId, NodeId, RegionId, Tick, TreeChange};
 
-/// The most ticks that what is computed once more may be behind the world, which does not wait for it: beyond that it is given up, since all that
-/// members told in each of them is kept meanwhile.
+/// The most ticks that a verification may be behind the world, which does not wait for it. Beyond that it is
+/// given up, since everything that members say of each of these ticks is kept meanwhile.
 const MOST_BEHIND: usize = 64;
-/// The most states of one tick that a participant's reports are remembered of.
+/// The most states that are kept of a participant's reports of one tick.
 const MOST_STATES: usize = 1 << 17;
-/// The most bytes of what one member says in one tick that it told participants.
+/// The most bytes that are kept of a member's copies of one tick: of what it says that it told participants.
 const MOST_COPIED_BYTES: usize = 16 << 20;
 
-/// A tick of a view; that of the view itself is the one with which it begins.
+/// A tick of a view. The view's own tick is the one with which it begins.
 type Moment = (ViewNumber, Tick);
 
-/// Holds what is computed once more, and what members told in the ticks that this is yet to come to.
+/// The state of verification: what is computed once more, and what members said of the ticks that are yet to
+/// be verified.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verifier {
     runs: BTreeMap<NodeId, Run>,
     told: BTreeMap<Moment, Told>,
-    /// Grows for as long as the process lives: answers of the physics may come late.
+    /// The number of the newest run. It grows for as long as the process lives, as answers of the physics may
+    /// come late.
     last_run: u64,
 }
 
-/// Holds what members told one another in one tick, by their own words.
+/// What members told one another in one tick, by their own words.
 #[derive(Clone, Debug, Default)]
 struct Told {
     rounds: u32,
-    /// By whom, and by (from, round).
+    /// The digests of the border messages that each member says it has heard, by (from, round).
     heard: BTreeMap<NodeId, BTreeMap<(NodeId, u32), u64>>,
-    /// By (from, to, round).
+    /// The border messages that members say they have sent, by (from, to, round).
     copies: BTreeMap<(NodeId, NodeId, u32), Border>,
-    /// The bytes of all copies of a member.
+    /// The bytes of all copies of each member.
     copied_bytes: BTreeMap<NodeId, usize>,
-    /// What participants reported for clients.
+    /// The states that each participant reported for clients.
     reports: BTreeMap<NodeId, Vec<SharedState>>,
 }
 
@@ -53,14 +56,14 @@ impl Told {
     }
 }
 
-/// A participant that is verified.
+/// The verification of one participant.
 #[derive(Clone, Debug, Default)]
 struct Run {
     number: u64,
-    /// What comes before the next tick: chunks, a view, changes of the tree.
+    /// The commands that come before the next tick: chunks, a view, changes of the tree.
     changes: Vec<PhysicsCommand>,
     jobs: VecDeque<Job>,
-    /// Participants that contradict it, each of which the server is told of once.
+    /// Participants that contradict this one. The server is told of each once.
     disputed: BTreeSet<NodeId>,
 }
 
@@ -68,15 +71,16 @@ struct Run {
 #[derive(Clone, Debug)]
 struct Job {
     at: Moment,
-    /// With which it begins, in order.
+    /// The commands with which it begins, in order.
     commands: Vec<PhysicsCommand>,
-    /// The exchange that is under way, once it has begun.
+    /// The round of the exchange that is under way, once the tick has begun.
     round: Option<u32>,
     /// Whether all members exchange in it, and not only neighbours.
     begins: bool,
     allocation: Allocation,
     newest_view: u64,
-    /// The other members; those that are dedicated; and those that died in it, which may have told it something or not.
+    /// The other members, the dedicated members, and the members that died in the tick, which may have told
+    /// the participant something or not.
     members: BTreeSet<NodeId>,
     dedicated: BTreeSet<NodeId>,
     dead: BTreeSet<NodeId>,
@@ -89,7 +93,7 @@ impl Job {
         own.next().map(|(&region, _)| region).unwrap_or_default()
     }
 
-    /// Judges a contradiction between a participant and another member: a dedicated one is believed.
+    /// Judges a contradiction between a participant and another member. A dedicated member is believed.
     fn contradicts(&self, node: NodeId, other: NodeId) -> Finding {
         match self.dedicated.contains(&other) {
             true => Finding::Deviates(self.region_of(node)),
@@ -97,8 +101,8 @@ impl Job {
         }
     }
 
-    /// Compares what a participant's regions would have said in a round with what others heard of it. Returns what these told it, and which
-    /// participants say that they heard something else.
+    /// Compares what a participant's regions would have said in a round with what others heard of it. Returns
+    /// what these told it, and the participants that say they heard something else.
     fn exchange(
         &self,
         node: NodeId,
@@ -126,10 +130,11 @@ impl Job {
         let mut disputed = Vec::new();
         for (other, messages) in by_node {
             let digest = Border { view, tick, round, messages }.digest();
-            // Who died may have heard nothing.
+            // A member that died may have heard nothing.
             if told.heard(other, node, round).is_some_and(|heard| heard != digest) {
                 match self.contradicts(node, other) {
-                    // It goes on from what it was told, whatever that one says.
+                    // The verification goes on from what the participant was told, whatever the other one
+                    // says.
                     Finding::Contradicts(other) => disputed.push(other),
                     finding => return Err(finding),
                 }
@@ -159,9 +164,9 @@ impl Job {
         computed: &[SharedState],
     ) -> Result<(), Finding> {
         let states: BTreeMap<BodyId, &SharedState> = computed.iter().map(|state| (state.id, state)).collect();
-        // What it says of regions of others nobody believes.
+        // Nobody believes what it says of others' regions.
         let is_own = |state: &&SharedState| self.allocation.get(&state.owner) == Some(&node);
-        // Bit by bit: a zero has two signs.
+        // States are compared bit by bit: a zero has two signs.
         let is_right = |state: &&SharedState| {
             states.get(&state.id).is_some_and(|own| encode_value(*own) == encode_value(*state))
         };
@@ -173,12 +178,12 @@ impl Job {
 }
 
 impl Verifier {
-    /// Ends all that is computed once more.
+    /// Ends all verification.
     pub(super) fn end(&mut self) {
         *self = Self { last_run: self.last_run, ..Self::default() };
     }
 
-    /// Remembers from now on what members tell of a tick in so many rounds.
+    /// Begins to keep what members say of a tick with this many rounds.
     pub(super) fn opens(&mut self, view: ViewNumber, tick: Tick, rounds: u32) {
         if !self.runs.is_empty() {
             self.told.entry((view, tick)).or_default().rounds = rounds;
@@ -193,7 +198,7 @@ impl Verifier {
         }
     }
 
-    /// Notes a chunk of the world, which others take in after the ticks that they have done.
+    /// Notes a chunk of the world, which a verified participant takes in before its next tick.
     pub(super) fn load(&mut self, chunk: &Chunk) {
         self.runs.values_mut().for_each(|run| run.changes.push(PhysicsCommand::Load(chunk.clone())));
     }
@@ -249,13 +254,14 @@ impl Verifier {
     }
 }
 
-/// Sorts what a member says that it has heard; what it says first counts.
+/// Sorts what a member says that it has heard. Of several digests for one message the first counts.
 fn by_origin(heard: &[HeardBorder]) -> BTreeMap<(NodeId, u32), u64> {
     heard.iter().rev().map(|heard| ((heard.from, heard.round), heard.digest)).collect()
 }
 
 impl Node {
-    /// Begins a view, as its leader: with participants that come, and on with those that were there before.
+    /// Begins a view, as its leader: begins to verify participants that come, and goes on with those that
+    /// were there before.
     pub(super) fn verify_view(&mut self, placed: &[Placed], joints: &[JointRecord]) {
         let Some(view) = self.view.clone() else { return };
         let asked = self.witness.verified().filter(|_| view.leader == self.config.id && self.lag() == 0);
@@ -271,7 +277,8 @@ impl Node {
             if one.anew {
                 self.verifier.last_run += 1;
                 let run = self.verifier.last_run;
-                // It knows what does not move as it is now: the next tick of this node may change that.
+                // The run takes the immovable bodies as they are now. The next tick of this node may change
+                // them.
                 self.order(PhysicsCommand::Verify { run, command: Some(Box::new(PhysicsCommand::Anew)) });
                 let begun = Run { number: run, ..Run::default() };
                 self.verifier.runs.insert(one.node, begun);
@@ -329,7 +336,8 @@ impl Node {
         }
     }
 
-    /// Begins to compute once more whatever all members are done with. What they said of it has come before, if it is to come at all.
+    /// Begins to verify the ticks that all members are done with. What members say of such a tick has come
+    /// before, if it comes at all.
     pub(super) fn verify(&mut self) {
         let Some(leader) = self.leader.as_ref().filter(|_| !self.verifier.runs.is_empty()) else { return };
         let (view, completed) = (leader.view(), leader.completed());
@@ -361,7 +369,7 @@ impl Node {
         }
     }
 
-    /// Goes on with what was computed once more.
+    /// Goes on with an answer of the physics to a run.
     pub(super) fn verified(&mut self, run: u64, event: Option<PhysicsEvent>) {
         let mut runs = self.verifier.runs.iter_mut();
         let Some((&node, run)) = runs.find(|(_, known)| known.number == run) else { return };
@@ -397,7 +405,7 @@ impl Node {
                 }
                 Err(finding) => self.conclude(at, node, finding),
             },
-            // It said that a region is empty, and it is not.
+            // The participant said that a region is empty, and it is not.
             _ => {
                 let region = job.region_of(node);
                 self.conclude(at, node, Finding::Deviates(region));

@@ -9,7 +9,7 @@ use crate::protocol::{CHUNK_BYTES, Repartition, ToServer, View, ViewNumber, spli
 use crate::space::{BodyId, NodeId, Tick};
 
 impl Node {
-    /// Says what was dispatched and may not be done, in parts that each fit into a message.
+    /// Tells the server what was dispatched and may not be done, in parts that each fit into a message.
     pub(super) fn tell_settled(&mut self, view: ViewNumber) {
         let undone = self.leader.as_ref().map(Leader::undone).unwrap_or_default();
         let dispatches = split(self.dispatches.iter().cloned(), CHUNK_BYTES).into_iter();
@@ -23,11 +23,12 @@ impl Node {
         self.send_server(ToServer::Settling { view, dispatches, undone, last: true });
     }
 
-    /// Goes on to the last tick of the view, of which all is known that was dispatched to survivors.
+    /// Goes on to the last tick of the view, whose dispatches have all arrived, with the survivors alone.
     pub(super) fn finish(&mut self, survivors: &[NodeId]) {
         let Some(change) = &mut self.change else { return };
         change.finish = true;
-        // All of the members' dispatches, ours among them; a server that asks again is sent all.
+        // These are all of the members' dispatches, this node's among them. A server that asks again is sent
+        // all of them.
         self.dispatches = std::mem::take(&mut change.dispatches).into();
         let newest = self.dispatches.back().map_or(Tick(0), |newest| newest.tick);
         self.dispatched = self.dispatched.max(newest);
@@ -67,7 +68,7 @@ impl Node {
         self.link.tell_again();
     }
 
-    /// Drops a view change of which nothing has come: the group goes on as it was.
+    /// Drops a view change of which nothing has come. The group goes on as it was.
     pub(super) fn drop_change(&mut self) {
         self.change = None;
         self.asked = None;
@@ -146,7 +147,7 @@ impl Node {
             self.counters.refused += 1;
             return;
         }
-        // Without changes it only wakes what sleeps in the way of regions that are given up.
+        // A repartition without changes only wakes what sleeps in regions that are being given up.
         let is_leader = view.leader == me;
         if !change.changes.is_empty() {
             self.division += 1;
@@ -159,7 +160,7 @@ impl Node {
         self.order(PhysicsCommand::Repartition { changes, newborn_here });
     }
 
-    /// Tells the server how the world is cut before this tick, and who computes what.
+    /// Tells the server how the world is cut before this tick, and who computes which region.
     pub(super) fn tell_division(&mut self, tick: Tick) {
         let Some(view) = &self.view else { return };
         let (view, tree, allocation) = (view.number, view.tree.clone(), view.allocation.clone());

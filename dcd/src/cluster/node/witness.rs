@@ -1,19 +1,20 @@
-//! Tells a leader that computes once more what participants compute what this member hears from others, and what it tells those.
+//! Tells a leader that verifies participants what this member hears from other members, and what it tells the
+//! verified ones.
 
 use crate::protocol::{Border, HeardBorder, Message, Testimony, Verified, ViewNumber};
 use crate::space::{NodeId, Tick};
 
-/// What a member has heard and told in the present tick, as far as that is to be told to the leader.
+/// What a member has heard and told in the present tick, as far as the leader is to be told of it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Witness {
-    /// Who is verified in a view to come, and whether participants begin anew with it.
+    /// The participants that are verified in a view to come, and whether participants begin anew with it.
     coming: Option<(ViewNumber, Vec<Verified>, bool)>,
-    /// Who is verified in the present one. `None`: nobody asks.
+    /// The participants that are verified in the present view. `None`: the leader does not ask for testimony.
     verified: Option<Vec<Verified>>,
     anew: bool,
     heard: Vec<HeardBorder>,
     copies: Vec<Message>,
-    /// What was told of the newest tick, which a link that breaks may lose.
+    /// What the leader was told of the newest tick. A link that breaks may lose it.
     told: Vec<Message>,
 }
 
@@ -32,12 +33,12 @@ impl Witness {
         self.copies.clear();
     }
 
-    /// Returns who is verified in the present view, if anybody is asked about it.
+    /// Returns who is verified in the present view; `None` if the leader does not ask for testimony.
     pub(super) fn verified(&self) -> Option<&[Verified]> {
         self.verified.as_deref()
     }
 
-    /// Returns whether participants keep nothing in the present view of what they computed before.
+    /// Returns whether participants begin the present view with nothing that they computed before.
     pub(super) fn begins_anew(&self) -> bool {
         self.anew
     }
@@ -49,14 +50,14 @@ impl Witness {
         }
     }
 
-    /// Notes what is taken in of another member.
+    /// Notes what is taken in from another member.
     pub(super) fn hears(&mut self, from: NodeId, border: &Border) {
         if self.verified.is_some() {
             self.heard.push(HeardBorder { round: border.round, from, digest: border.digest() });
         }
     }
 
-    /// Returns what the leader is to know of a tick before it hears that this member is done with it.
+    /// Returns what the leader is to be told of a tick before it hears that this member is done with it.
     pub(super) fn testify(&mut self, view: ViewNumber, tick: Tick) -> Vec<Message> {
         self.told = std::mem::take(&mut self.copies);
         if self.verified.is_some() {
@@ -66,7 +67,7 @@ impl Witness {
         self.told.clone()
     }
 
-    /// Returns what it was told of the newest tick, to be told once more.
+    /// Returns what the leader was told of the newest tick, to be told once more.
     pub(super) fn told(&self) -> Vec<Message> {
         self.told.clone()
     }

@@ -1,5 +1,6 @@
-//! Chooses what a client is told next, within the bytes that its link carries and that it asked for: of more bodies than there is room
-//! for those first that it has most wrong, seen from its avatars, and for longest.
+//! Chooses which bodies a client is sent next, within the bytes that its link carries and that it asked for.
+//! If there are more bodies than room, those come first that the client has most wrong, seen from its
+//! avatars, and for longest.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -9,56 +10,63 @@ use crate::delta::{FreeMotion, Sender};
 use crate::protocol::{Heard, Part, STATES_BYTES, SharedState, link};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The most bytes of a batch: all of its datagrams wait in the queue of a link at once. What is beyond would push out the first ones.
+/// The most bytes of a batch. All of its datagrams wait in the queue of a link at once; more would push out
+/// the first ones.
 const MOST_BYTES: usize = link::DATAGRAM_QUEUE_BYTES * 5 / 8;
 
-/// The fewest bytes that a batch may have come down to, and those of one for a client that is silent.
+/// The fewest bytes to which a batch may have come down, and the bytes of a batch for a client that is
+/// silent.
 const LEAST_BYTES: usize = 1_000;
 
-/// What may wait for the link when a batch follows, bytes. If nothing ever waited, QUIC would not learn what the link carries, and
-/// would send ever more slowly what there is; at twice as much the oldest are dropped.
+/// The bytes that may wait for the link when a batch follows. If nothing ever waited, QUIC would not learn
+/// what the link carries, and would send ever more slowly. At twice as many bytes the oldest datagrams are
+/// dropped.
 const WAITING_BYTES: usize = link::DATAGRAM_QUEUE_BYTES / 2;
 
-/// What a datagram costs beside its states: headers of UDP, QUIC and the message.
+/// The bytes that a datagram costs beside its states: headers of UDP, QUIC and the message.
 const DATAGRAM_COST: usize = 90;
 
-/// The bytes of a batch for a client that has not acknowledged anything yet, and may be going to ask for few.
+/// The bytes of a batch for a client that has not acknowledged anything yet, and may be about to ask for few.
 const FIRST_BYTES: usize = 4_000;
 
-/// A client that has acknowledged nothing for so long, though there was something to, is gone, or cut off.
+/// The time after which a client counts as silent: it has acknowledged nothing, though there was something to
+/// acknowledge, and is gone or cut off.
 const SILENCE: Duration = Duration::from_secs(1);
 
-/// The ticks between two batches to a client that is silent.
+/// The number of ticks between two batches to a client that is silent.
 const PROBE_TICKS: u64 = 15;
 
-/// The seconds whose bytes a client that was told little may be sent at once, beside those since its last turn.
+/// The seconds whose bytes a client that was sent little may be sent at once, beside those earned since its
+/// last batch.
 const SAVED_S: f64 = 0.1;
 
-/// The most seconds since its last turn that count.
+/// The most seconds since its last batch that earn bytes.
 const TURN_S: f64 = 0.5;
 
-/// The most seconds for whose bytes a client waits that was sent too many.
+/// The most seconds of bytes that a client waits for after it was sent too many.
 const OWED_S: f64 = 1.0;
 
-/// The bytes that a batch waits for if there is more to tell than fits: of a smaller one headers would be most.
+/// The bytes for which a batch waits if there is more to send than fits. In a smaller batch headers would be
+/// the most part.
 const WORTH_BYTES: f64 = 400.0;
 
-/// What a body counts though it is where the client has it, metres: so that all have their turn.
+/// The error that every body counts with at least, metres, even if it is where the client has it: so every
+/// body has its turn.
 const LEAST_ERROR_M: f64 = 0.002;
 
-/// The error of a body that the client was never told of, metres.
+/// The error that a body counts with of which the client was never told, metres.
 const UNTOLD_ERROR_M: f64 = 10.0;
 
-/// Bodies nearer to an avatar than this are equally near, metres: it touches them, or could.
+/// The distance from an avatar below which bodies count as equally near, metres: they touch it, or could.
 const NEAR_M: f64 = 2.0;
 
-/// The batches of bodies that moved which are kept for clients that have not had their turn yet.
+/// The number of batches of moved bodies that are kept for clients that were not sent them yet.
 const BATCHES: usize = 32;
 
-/// The bodies that moved lately, as members reported them.
+/// The bodies that moved lately, in batches as members reported them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Batches {
-    /// The number of the next one.
+    /// The number of the next batch.
     next: u64,
     batches: VecDeque<Vec<BodyId>>,
 }
@@ -77,7 +85,7 @@ impl Batches {
         self.next
     }
 
-    /// Returns the batches from this one on; `None` if some are no longer known.
+    /// Returns the bodies of the batches from this number on; `None` if some are no longer known.
     fn since(&self, number: u64) -> Option<impl Iterator<Item = BodyId> + '_> {
         let missed = usize::try_from(self.next - number).ok()?;
         let first = self.batches.len().checked_sub(missed)?;
@@ -85,33 +93,36 @@ impl Batches {
     }
 }
 
-/// The link to a client, beginning with what it has been told.
+/// What one client has been sent and has acknowledged, and how much it may be sent.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     client: ClientId,
     sender: Sender,
-    /// Bodies that it is still to be told of, beside those of batches from this one on, if it hears all.
+    /// The bodies that the client is still to be sent. If it has no area, it is also to be sent those of all
+    /// batches from number `caught_up` on.
     waiting: BTreeSet<BodyId>,
     caught_up: u64,
     /// The bytes of a batch that the link carries until the next one.
     carried: usize,
-    /// The bytes a second that the client asked for; 0: as many as the link carries.
+    /// The bytes per second that the client asked for; 0: as many as the link carries.
     asked: u32,
-    /// What may be sent at once of what the client asked for, and the tick at which that was so.
+    /// The bytes that may be sent at once within what the client asked for, and the tick at which that was
+    /// so.
     allowed: (f64, Tick),
-    /// What a body has taken lately, bytes.
+    /// The bytes that a body has taken lately.
     body_bytes: f64,
-    /// When it had its last turn.
+    /// The tick in which a batch was last chosen for it.
     turn: Tick,
-    /// Whether it has acknowledged anything, and since when it has not though there was something to.
+    /// Whether the client has ever acknowledged anything; and since when it has not, though there was
+    /// something to acknowledge.
     is_heard: bool,
     silent_since: Option<Duration>,
-    /// When it is sent something though it is silent.
+    /// The tick in which it is next sent something though it is silent.
     probe_at: Tick,
 }
 
 impl Channel {
-    /// Returns that of a client that knows nothing of what is sent in this series.
+    /// Returns the channel of a client that knows nothing of what is sent in this series.
     pub(super) fn new(client: ClientId, motion: FreeMotion, series: u32, caught_up: u64) -> Self {
         Self {
             client,
@@ -129,8 +140,8 @@ impl Channel {
         }
     }
 
-    /// Notes how many bytes of the batches before still waited for the link when one was sent: batches become smaller while that is
-    /// much, and larger again while it is not.
+    /// Notes how many bytes of earlier batches still waited for the link when one was sent. Batches become
+    /// smaller while these are many, and larger again while they are not.
     pub(super) fn adapt(&mut self, waiting_bytes: usize) {
         self.carried = match waiting_bytes > WAITING_BYTES {
             true => (self.carried * 3 / 4).max(LEAST_BYTES),
@@ -152,12 +163,12 @@ impl Channel {
         }
     }
 
-    /// Returns whether the client asked for few bytes.
+    /// Returns whether the client asked for a limited rate.
     pub(super) fn is_limited(&self) -> bool {
         self.asked > 0
     }
 
-    /// Returns when it had its last turn.
+    /// Returns the tick in which a batch was last chosen for the client.
     pub(super) fn turn(&self) -> Tick {
         self.turn
     }
@@ -167,13 +178,14 @@ impl Channel {
         self.waiting.remove(&id);
     }
 
-    /// Returns whether anything waits to be told, or to be told again.
+    /// Returns whether anything waits to be sent, or to be sent again.
     pub(super) fn waits(&mut self, now: Tick) -> bool {
         self.waiting.extend(self.sender.overdue(now));
         !self.waiting.is_empty()
     }
 
-    /// Returns whether the client has acknowledged nothing for long; what waits to be is then taken for lost.
+    /// Returns whether the client has acknowledged nothing for long. What waits to be acknowledged then
+    /// counts as lost.
     fn is_silent(&mut self, clock: Duration) -> bool {
         if !self.sender.waits() {
             self.silent_since = None;
@@ -210,18 +222,19 @@ impl Channel {
         most.min(allowed.max(0.0) as usize)
     }
 
-    /// Notes bodies that the client is to be told of.
+    /// Notes bodies that the client is to be sent.
     pub(super) fn wait_for(&mut self, bodies: impl IntoIterator<Item = BodyId>) {
         self.waiting.extend(bodies);
     }
 
-    /// Notes those that moved since this was called last.
+    /// Notes the bodies that moved since the last call; `all` bodies, if some of their batches are no longer
+    /// known.
     pub(super) fn catch_up<I: Iterator<Item = BodyId>>(
         &mut self,
         batches: &Batches,
         all: impl FnOnce() -> I,
     ) {
-        // To sort them all at once is quicker than to put in one by one.
+        // Sorting them all at once is quicker than inserting them one by one.
         let waiting = std::mem::take(&mut self.waiting).into_iter();
         self.waiting = match batches.since(self.caught_up) {
             Some(bodies) => waiting.chain(bodies).collect(),
@@ -230,7 +243,8 @@ impl Channel {
         self.caught_up = batches.next();
     }
 
-    /// Returns the bodies to tell of now, in id order, at most so many of those that wait; and how many were compared for that.
+    /// Returns the states to send now, in id order, at most `most` of those that wait; and how many bodies
+    /// were compared for that.
     pub(super) fn choose(
         &mut self,
         (now, clock, dt_s): (Tick, Duration, f64),
@@ -248,7 +262,7 @@ impl Channel {
         if count == 0 || room < WORTH_BYTES.min(self.carried as f64) {
             return (Vec::new(), 0);
         }
-        // What is gone does not wait.
+        // Bodies that are gone do not wait.
         self.waiting.retain(|id| latest.contains_key(id));
         let compared = self.waiting.len();
         let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);
@@ -271,14 +285,14 @@ impl Channel {
         (told, compared)
     }
 
-    /// Returns all that wait.
+    /// Returns the states of all bodies that wait.
     pub(super) fn choose_all(&mut self, latest: &Latest) -> Vec<SharedState> {
         let waiting = std::mem::take(&mut self.waiting);
         waiting.iter().filter_map(|id| latest.get(id)).map(|(state, _)| *state).collect()
     }
 
-    /// Returns how much it matters that the client is told of a body: its error as seen from the nearest avatar, and the ticks since it
-    /// was told last.
+    /// Returns how urgent it is to send a body: its error at the client, as seen from the client's nearest
+    /// avatar, times the ticks since it was last sent. Own avatars come before all.
     fn urgency(&self, now: Tick, state: &SharedState, tick: Tick, avatars: &[[f64; 3]]) -> f64 {
         if state.id.client() == Some(self.client) {
             return f64::INFINITY;
@@ -292,15 +306,16 @@ impl Channel {
         (LEAST_ERROR_M + error) * (1.0 + age) / (NEAR_M + nearest)
     }
 
-    /// Returns the bytes that are held for the client, those of each body and the rest.
+    /// Returns the bytes that are held for the client: those of bodies, and the rest.
     #[cfg(test)]
     pub(super) fn bytes(&self) -> (usize, usize) {
         let (bodies, rest) = self.sender.bytes();
         (bodies, rest + self.waiting.len() * size_of::<BodyId>())
     }
 
-    /// Codes the states that were chosen, as they were after a tick; those that a leader has told its relay as it has coded them, with the
-    /// component that was left out of their rotation.
+    /// Codes the states that were chosen, as they were after a tick. At a relay, `left_out` tells which
+    /// component of a body's rotation the leader has left out, so that the relay's coding comes to the same
+    /// numbers.
     pub(super) fn pack(
         &mut self,
         (now, tick): (Tick, Tick),
@@ -312,7 +327,7 @@ impl Channel {
         let bytes: usize = parts.iter().map(|part| part.states.len()).sum();
         if !guesses && !states.is_empty() {
             let each = bytes as f64 / states.len() as f64;
-            // Rather too few than too many.
+            // The next batch is to have too few bodies rather than too many.
             self.body_bytes = each.max(self.body_bytes + (each - self.body_bytes) / 8.0);
             self.allowed.0 -= (bytes + parts.len() * DATAGRAM_COST) as f64;
         }

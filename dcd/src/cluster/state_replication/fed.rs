@@ -1,4 +1,5 @@
-//! Reads, at a relay, what its leader tells it: states that refer to those before, so that all is read, and in order.
+//! Reads, at a relay, what its leader sends it. States refer to those before, so everything is read, in
+//! order.
 
 use std::collections::BTreeSet;
 
@@ -10,21 +11,23 @@ use crate::delta::{FreeMotion, OrderedReceiver};
 use crate::protocol::{CodecError, Message, SharedState, ToRelay, encoded_len};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The bytes of what has been read that the leader need not hear of: a fraction of what it waits for.
+/// The bytes that the relay may have read without telling the leader: a small part of what the leader waits
+/// for.
 const UNSAID: usize = 4 << 10;
 
-/// What a relay has been told.
+/// The state of a relay's reading.
 #[derive(Clone, Debug)]
 pub(super) struct Fed {
     receiver: OrderedReceiver,
     /// The parts of a tick that have come so far.
     begun: Option<TickNews>,
-    /// The number of the news that were read last.
+    /// The number of the last news that were read.
     last: u64,
-    /// The number of what was read last, and the bytes of all that was and of which the leader has not heard.
+    /// The number of the last message that was read, and the bytes that were read and of which the leader has
+    /// not heard.
     read: u64,
     unsaid: usize,
-    /// Whether something could not be read: nothing that follows can be, until it begins anew.
+    /// Whether something could not be read. Then nothing that follows can be, until the relay begins anew.
     is_lost: bool,
 }
 
@@ -40,7 +43,7 @@ impl Fed {
         }
     }
 
-    /// Returns which component was left out of the rotation of a body as the leader told it.
+    /// Returns which component of a body's rotation the leader left out.
     pub(super) fn left_out(&self, id: BodyId) -> Option<u8> {
         self.receiver.left_out(id)
     }
@@ -82,7 +85,7 @@ impl Fed {
             }
             ToRelay::Guess { follows, .. } if follows != self.last => Err(CodecError::Compact),
             ToRelay::Guess { number, tick, states, .. } => {
-                // The leader hears of it at once: it tells few guesses, of which some may never have been read.
+                // The leader hears of it at once: it sends few guesses, and some may never be read.
                 self.has_read(number, UNSAID + states.len());
                 let states = self.receiver.read_guesses(tick, &states)?;
                 Ok(vec![ReplicationEvent::Speculative { tick, states, silent: BTreeSet::new() }])
@@ -92,8 +95,9 @@ impl Fed {
 }
 
 impl StateReplication {
-    /// Reads what the leader tells its relay, and returns what is to be handled therefore. Who tells clients less often than it is told
-    /// reads all first, and handles several ticks as one.
+    /// Reads a message of the leader to its relay, and returns the events that follow. A relay that sends
+    /// clients states less often than it reads messages reads all of them first, and handles several ticks as
+    /// one.
     pub(crate) fn read(&mut self, message: ToRelay) -> Vec<ReplicationEvent> {
         let given: Vec<_> = match &message {
             ToRelay::News(news) => {
@@ -114,7 +118,7 @@ impl StateReplication {
         })
     }
 
-    /// Has the leader tell clients itself again, as where their links are gone.
+    /// Gives clients back to the leader, as if their links were gone.
     fn give_back(&mut self, clients: impl IntoIterator<Item = ClientId>) {
         let Some(leader) = &self.introduction else { return };
         let (to, view) = (leader.node, self.view);

@@ -1,5 +1,6 @@
-//! Tells a relay, once for all of its clients, what it is to tell them: the same as the leader's own replication is told with each tick. While much
-//! of that is on its way, what follows waits, and several ticks become one.
+//! Tells a relay, once for all of its clients, what it is to tell them: the same as the leader's own
+//! replication is given with each tick. While much of that is on its way, what follows waits, and several
+//! ticks become one.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -10,38 +11,39 @@ use crate::delta::{FreeMotion, OrderedSender};
 use crate::protocol::{Area, RelayNews, SharedState, ToRelay, ViewNumber, encoded_len};
 use crate::space::{Allocation, BodyId, ClientId, Tick};
 
-/// While a relay has not taken in more than so many bytes, it is told nothing but that the last tick is over. It is far less than what QUIC holds
-/// of a link ([`WINDOW_BYTES`](crate::protocol::link::WINDOW_BYTES)), beyond which dispatches would wait too.
+/// The most bytes that a relay may not have read yet. Beyond that the feed waits, except after the last tick.
+/// The bound is far below what QUIC holds of a link ([`WINDOW_BYTES`](crate::protocol::link::WINDOW_BYTES)),
+/// beyond which dispatches would wait too.
 const ON_THE_WAY: usize = 256 << 10;
 
-/// The same for guesses, which are worth nothing when they come late.
+/// The same for speculative states, which are worth nothing when they come late.
 const GUESSES_ON_THE_WAY: usize = 8 << 10;
 
-/// What a relay is told. It lasts as long as that has clients.
+/// The state of what a relay is told. It lasts as long as the relay has clients.
 #[derive(Clone, Debug)]
 pub(super) struct Feed {
     motion: FreeMotion,
     sender: OrderedSender,
-    /// The number of what it was told last, but for guesses.
+    /// The number of the last message to it, guesses aside.
     last: u64,
-    /// What it was told and has not said to have taken in, by number, and its bytes.
+    /// The messages that it has not said it has read, by number, with their bytes.
     on_the_way: VecDeque<(u64, usize)>,
-    /// Whether it has been told of all bodies.
+    /// Whether the relay has been told of all bodies that it is to know.
     has_begun: bool,
     clients: BTreeSet<ClientId>,
-    /// Clients that have come, each with its turn, or gone since the tick before.
+    /// Clients that have come since the tick before, each with its turn, or gone.
     changes: BTreeMap<ClientId, Option<u32>>,
     interests: BTreeMap<ClientId, Option<Area>>,
     reach: Reach,
     applied: BTreeMap<ClientId, (u64, i8)>,
-    /// Bodies that are gone, and those that have moved, since it was told last.
+    /// Bodies that are gone, and those that have moved, since the relay was told last.
     gone: BTreeSet<BodyId>,
     moved: BTreeSet<BodyId>,
     allocation: Option<Allocation>,
 }
 
 impl Feed {
-    /// Returns that of a relay that was told nothing.
+    /// Returns the feed of a relay that was told nothing.
     pub(super) fn new(motion: FreeMotion) -> Self {
         Self {
             motion,
@@ -65,7 +67,7 @@ impl Feed {
         self.clients.is_empty() && self.changes.is_empty()
     }
 
-    /// Notes that the relay has taken in what it was told, up to this number.
+    /// Notes that the relay has read what it was sent, up to this number.
     pub(super) fn has_arrived(&mut self, number: u64) {
         self.on_the_way.retain(|(of, _)| *of > number);
     }
@@ -75,7 +77,7 @@ impl Feed {
     }
 
     pub(super) fn admit(&mut self, client: ClientId, turn: u32, area: Option<Area>) {
-        // One that had none left may have been lost with all that it was told.
+        // A relay that had no client left may have been lost with all that it was told.
         if self.clients.is_empty() {
             *self = Self::new(self.motion);
         }
@@ -102,8 +104,8 @@ impl Feed {
         self.applied.insert(client, newest);
     }
 
-    /// Returns what the relay is told of a speculative tick: what its clients may hear of, in one message, since a later guess takes the place of
-    /// those before.
+    /// Returns the message about a speculative tick: the states that the relay's clients may hear of. It is
+    /// one message, since a later guess takes the place of those before.
     pub(super) fn guess(
         &mut self,
         view: ViewNumber,
@@ -121,8 +123,8 @@ impl Feed {
         Some(ToRelay::Guess { view, number: *number, follows: self.last, tick, states })
     }
 
-    /// Returns what the relay is told of a tick, in which these bodies are gone and those have moved, and of those before of which it was not told
-    /// yet. `number` is that of the last message for a relay.
+    /// Returns the messages about a tick, with all bodies that have moved or gone and of which the relay was
+    /// not told yet. `number` is the number of the last message to any relay.
     pub(super) fn tell(
         &mut self,
         view: ViewNumber,

@@ -1,5 +1,6 @@
-//! Selects the states that a client with an area of interest is sent (interest management): of bodies in its area, and of other
-//! bodies where needed so that nothing it takes to be in its area is out of date.
+//! Selects the states that a client with an area of interest is sent (interest management): of bodies in its
+//! area, and of other bodies where needed so that nothing that the client takes to be in its area is out of
+//! date.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,10 +10,11 @@ use crate::cluster::coverage::AROUND_M;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The seconds for which a body may have gone on as fast as it is, since another told of it last: what was on its way then may be lost.
+/// The seconds for which a body may have gone on at its velocity since the client's former teller last told
+/// of it: what was on its way then may be lost.
 const TURN_S: f64 = 3.0;
 
-/// Returns the place nearest to another on a straight way.
+/// Returns the place on a straight way that is nearest to another place.
 fn nearest(from: [f64; 3], way: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
@@ -21,27 +23,30 @@ fn nearest(from: [f64; 3], way: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| from[axis] + share * way[axis])
 }
 
-/// One client's area of interest, and what it was sent.
+/// One client's area of interest, and which bodies it was sent.
 #[derive(Clone, Debug)]
 pub(super) struct Audience {
     client: ClientId,
     area: Area,
-    /// Areas around own avatars that the area does not cover.
+    /// The areas around own avatars that the area of interest does not cover.
     near: BTreeMap<BodyId, Area>,
     /// Bodies that are sent whenever they move.
     inside: BTreeSet<BodyId>,
-    /// Bodies to be sent though they may rest.
+    /// Bodies to be sent even if they rest.
     owed: BTreeSet<BodyId>,
-    /// Bodies outside that are not where the client was told last, and where that was. At most one entry per body.
+    /// Bodies outside that have moved since the client was last told of them, each with the place that it was
+    /// told. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
-    /// Bodies outside that it was told of since bodies moved last: if they move on, they are stale from then on.
+    /// Bodies outside of which the client was told since bodies last moved. If they move on, they are stale
+    /// from then on.
     parted: BTreeSet<BodyId>,
-    /// Whether no bodies that moved were looked through yet.
+    /// Whether no moved bodies were looked through yet.
     is_new: bool,
 }
 
 impl Audience {
-    /// Returns the audience of a client that was sent all these bodies, and has this area of interest from now on.
+    /// Returns the audience of a client that was sent all these bodies, and has this area of interest from
+    /// now on.
     pub(super) fn new(client: ClientId, area: Area, latest: &Latest) -> Self {
         let mut audience = Self {
             client,
@@ -57,7 +62,7 @@ impl Audience {
         audience
     }
 
-    /// Returns how far the client hears.
+    /// Returns the radius of the client's area of interest, metres.
     pub(super) fn radius_m(&self) -> f64 {
         self.area.radius_m
     }
@@ -70,9 +75,10 @@ impl Audience {
         }
     }
 
-    /// Notes that another may have told the client of the bodies that moved in the seconds before now (a tick, and how long one lasts), and cannot
-    /// be asked: it is told again of those that may have left the area since, by where they are, or where they come from as fast as they are, or
-    /// where their trails say that they were.
+    /// Notes that another process may have told the client, in the seconds before `now` (a tick, and the
+    /// seconds of one), of bodies that moved. The client is sent again those that may have left the area
+    /// since: by where they are, by where they come from at their velocity, or by where their trails say they
+    /// were.
     pub(super) fn begin_after(&mut self, now: (Tick, f64), latest: &Latest, trails: Option<&Trails>) {
         let (Tick(tick), dt) = now;
         let since = tick.saturating_sub((SILENT_S / dt) as u64);
@@ -96,7 +102,8 @@ impl Audience {
         self.look(latest);
     }
 
-    /// Returns the bodies to tell of, in id order: those that moved in the area, and those that came into it or left it.
+    /// Returns the bodies to send, in id order: those that moved in the area, and those that came into it or
+    /// left it.
     pub(super) fn batch(&mut self, news: &News, latest: &Latest) -> BTreeSet<BodyId> {
         let moved = news.all();
         let from = moved.partition_point(|change| change.state.id < BodyId::avatar(self.client, 0));
@@ -118,9 +125,10 @@ impl Audience {
         told
     }
 
-    /// Notes what has become of bodies that moved; returns those to be sent. Looked at are those that come into the area, and those that it
-    /// matters of that they moved elsewhere: what was inside, and what is not known yet to be stale. Of all others, which moved the time before too and
-    /// are outside, nothing changes.
+    /// Notes what has become of bodies that moved, and returns those to be sent. It looks at the bodies that
+    /// come into the area, and at those whose motion elsewhere matters: bodies that were inside, and bodies
+    /// that may have to become stale. Nothing changes for all others, which moved the time before too and are
+    /// outside.
     fn tell(&mut self, news: &News) -> BTreeSet<BodyId> {
         let mut told = BTreeSet::new();
         if news.all().is_empty() {
@@ -148,7 +156,8 @@ impl Audience {
         told
     }
 
-    /// Notes what has become of a body that moved: whether it is to be told, now or at last, or is stale from now on.
+    /// Notes what has become of a body that moved: whether it is to be sent, now or in the end, or is stale
+    /// from now on.
     fn notice(&mut self, &Change { state, before }: &Change, told: &mut BTreeSet<BodyId>) {
         let id = state.id;
         let is_inside = self.inside.contains(&id);
@@ -161,7 +170,7 @@ impl Audience {
             self.owed.insert(id);
         } else if !self.stale.contains_key(&id) && !self.owed.contains(&id) {
             match before {
-                // The area has come to where the client has it.
+                // The area has come to where the client has the body.
                 Some(before) if self.spans(before) => drop(self.owed.insert(id)),
                 Some(before) => drop(self.stale.insert(id, before)),
                 // Nobody knows what an earlier leader sent.
@@ -170,7 +179,7 @@ impl Audience {
         }
     }
 
-    /// Returns whether a body is sent where this state has it.
+    /// Returns whether a body in this state is sent.
     pub(super) fn reaches(&self, state: &SharedState) -> bool {
         self.reaches_to(state, self.inside.contains(&state.id))
     }
@@ -181,7 +190,7 @@ impl Audience {
         id.client() == Some(self.client) || reach(&self.area) || self.near.values().any(reach)
     }
 
-    /// Notes where the client has been told now that a body is.
+    /// Notes the place at which the client has now been told that a body is.
     pub(super) fn has_told(&mut self, state: &SharedState) {
         if let Some(at) = self.stale.get_mut(&state.id) {
             *at = state.pose.translation;
@@ -196,7 +205,8 @@ impl Audience {
         self.parted.remove(&id);
     }
 
-    /// Moves the area around one of the client's own avatars. Returns whether other bodies must be looked at therefore.
+    /// Moves the area around one of the client's own avatars. Returns whether all bodies must be looked at
+    /// because of that.
     fn follow(&mut self, id: BodyId, state: &SharedState) -> bool {
         let around = Area::around_avatar(state.pose.translation);
         if self.area.contains(&around) {
@@ -209,8 +219,9 @@ impl Audience {
         true
     }
 
-    /// Looks at all bodies after the area has changed. Owed are bodies that come in, those that go, so that the client knows,
-    /// and those that the client has in the area though they have moved on unseen.
+    /// Looks at all bodies after the area has changed. It marks as owed the bodies that come in, those that
+    /// go, so that the client knows, and those that the client has in the area although they have moved on
+    /// unseen.
     fn look(&mut self, latest: &Latest) {
         for (&id, (state, _)) in latest {
             let is_inside = self.reaches(state);
@@ -232,7 +243,7 @@ impl Audience {
         }
     }
 
-    /// Returns whether a body that comes here is sent.
+    /// Returns whether a body that comes to this place is sent.
     fn spans(&self, at: [f64; 3]) -> bool {
         self.area.enters(at) || self.near.values().any(|area| area.enters(at))
     }
@@ -276,7 +287,7 @@ mod tests {
     }
 
     impl Stage {
-        /// Everything was sent; what is owed at first too.
+        /// Returns a stage on which everything was sent, also what is owed at first.
         fn new(bodies: &[(BodyId, f64)], area: Area) -> Self {
             let latest: Latest = bodies.iter().map(|&(id, x)| (id, (state(id, x), Tick(0)))).collect();
             let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
@@ -377,14 +388,14 @@ mod tests {
         stage.put(other, 131.0);
         stage.put(STONE, 121.0);
         assert_eq!(stage.tell(), []);
-        // It comes to the stone, which rests by now.
+        // The avatar comes to the stone, which rests by now.
         stage.put(AVATAR, 115.0);
         assert_eq!(stage.tell(), [STONE, AVATAR]);
         assert_eq!(stage.believed[&STONE][0], 121.0);
     }
 
-    /// Bodies, avatars and areas move and jump at random: whatever is in the area, or the client has there, the client has
-    /// where it is; and the leader keeps no more than an entry per body.
+    /// Bodies, avatars and areas move and jump at random. Whatever is in the area, or the client has there,
+    /// the client has where it is. The leader keeps no more than an entry per body.
     #[test]
     fn what_a_client_believes_of_its_area_is_so_whatever_moves() {
         for seed in 0..300 {

@@ -1,8 +1,10 @@
-//! Sends clients the states of bodies (state replication): which bodies each client hears of, when, and in which bytes.
+//! Sends clients the states of bodies (state replication): which bodies each client is sent, when, and in
+//! which bytes.
 //!
-//! It belongs to a leader, and begins and ends with it, but no tick waits for it: it is told of each tick when that is complete
-//! ([`ReplicationEvent`]). A process may thus let it run on a thread of its own, where it may fall behind: of several ticks that it has not taken in
-//! yet only the newest states count ([`TickNews::absorb`]).
+//! It belongs to a leader, or to a relay in its place, and begins and ends with it, but no tick waits for it:
+//! it is given each tick when that is complete ([`ReplicationEvent`]). So a process may run it on a thread of
+//! its own. That thread may fall behind: of several ticks that it has not taken in yet only the newest states
+//! count ([`TickNews::absorb`]).
 
 mod channel;
 mod fed;
@@ -36,104 +38,108 @@ use crate::protocol::{
 };
 use crate::space::{Allocation, BodyId, ClientId, GroupId, NodeId, Tick};
 
-/// The ticks after which clients and the server at the earliest hear that time goes on though nothing moves (a heartbeat).
+/// The fewest ticks after which clients and the server hear that time goes on though nothing moves (a
+/// heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
 
-/// So many heartbeats to a client are sent so early after states, since some may be lost.
+/// The number of heartbeats to a client that come this early after states, since some may be lost.
 const FIRST_BEATS: u32 = 3;
 
-/// The time between later ones in a world that goes at the pace of its clock.
+/// The time between later heartbeats in a world that keeps the pace of its clock.
 const REST: Duration = Duration::from_secs(5);
 
-/// By how much that pace may be missed between two heartbeats: who shows the world reckons with it.
+/// How far that pace may be missed between two heartbeats before one is sent: a client that shows the world
+/// reckons with the pace.
 const PACE_MISSED: Duration = Duration::from_millis(250);
 
-/// The most turns of a client in a view: it is told by its leader, by a relay, and by the leader again. Each has series of its own, so that what is
-/// still on its way of an earlier turn is older than all of a later one.
+/// The most turns of a client in a view. A client is told by its leader, by a relay, and by the leader again.
+/// Each turn has series of its own, so that everything on its way from an earlier turn is older than all of a
+/// later one.
 pub(in crate::cluster) const MAX_TURNS: u32 = 64;
 
-/// When a client was last told of anything.
+/// The tick of which a client was last told.
 #[derive(Clone, Copy, Debug)]
 struct Told {
     tick: Tick,
     opened: Duration,
-    /// The heartbeats since the last states.
+    /// The number of heartbeats since the last states.
     beats: u32,
 }
 
-/// The most states that are coded for all clients together in the ticks of a second, at 1.1 to 1.5 µs each with all that goes with it. Where
-/// the same thread computes the world, ticks that take all of their time take about a fifth longer.
+/// The most states that are coded for all clients together in the ticks of a second, at 1.1 to 1.5 µs each
+/// with everything around it. Where the same thread computes the world, ticks that take all of their time
+/// take about a fifth longer.
 const STATES_PER_S: f64 = 140_000.0;
 
 /// The same on a thread of its own: two thirds of a core at most.
 const STATES_PER_S_ELSEWHERE: f64 = 420_000.0;
 
-/// So many bodies are compared by how much they matter in the time that the state of one takes.
+/// The number of bodies that are compared by urgency in the time that coding one state takes.
 const COMPARED_PER_STATE: usize = 4;
 
 /// An event for the state replication.
 #[derive(Clone, Debug)]
 pub enum ReplicationEvent {
-    /// A leader begins, and its replication with it; that of a former view ends.
+    /// A leader or a relay begins, and its replication with it. The former replication ends.
     Begin(Box<StateReplication>),
-    /// A client is to be told from now on: what it was told before counts no more.
+    /// A client is to be told from now on. What it was told before counts no more.
     Admit {
-        /// Who.
+        /// The client.
         client: ClientId,
         /// The number of its turn.
         turn: u32,
-        /// Whether another has told it until now, which cannot be asked of what.
+        /// Whether another process has told it until now, which cannot be asked what it told.
         told_elsewhere: bool,
-        /// What it wants to hear of, if it has said so.
+        /// Its area of interest, if it has named one; `None` in it is everything.
         area: Option<Option<Area>>,
     },
     /// A client is told by a relay from now on.
     Relay {
-        /// Who.
+        /// The client.
         client: ClientId,
-        /// By which member.
+        /// The member that is its relay.
         node: NodeId,
         /// The number of its turn.
         turn: u32,
-        /// What it wants to hear of.
+        /// Its area of interest; `None` is everything.
         area: Option<Area>,
     },
     /// A client's link is gone.
     Dismiss(ClientId),
     /// A client has acknowledged states.
     Heard {
-        /// Who.
+        /// The client.
         client: ClientId,
-        /// What.
+        /// What it has acknowledged.
         heard: Heard,
-        /// The newest tick then.
+        /// The newest tick at that time.
         now: Tick,
     },
     /// A tick is complete.
     Tick(TickNews),
-    /// The leader has told this process, its relay, something.
+    /// The leader has sent a message to this process, its relay.
     ByLeader(ToRelay),
-    /// A relay has taken in what it was told, up to what has this number.
+    /// A relay has read what it was sent, up to the message of this number.
     Fed {
-        /// Which member.
+        /// The relay.
         node: NodeId,
         /// The number.
         number: u64,
     },
-    /// States of a tick that was computed without the other nodes; later ones may contradict them.
+    /// States of a tick that was computed without the other nodes. Later ones may contradict them.
     Speculative {
-        /// Which.
+        /// The tick.
         tick: Tick,
-        /// The bodies in it.
+        /// The states of bodies after it.
         states: Vec<SharedState>,
-        /// The members that are waited for, who are told of no guess.
+        /// The members that are waited for. They are sent no speculative states.
         silent: BTreeSet<NodeId>,
     },
-    /// This process leads no more.
+    /// This process leads, or relays, no more.
     End,
 }
 
-/// The state replication of a leader.
+/// The state replication of a leader or a relay.
 #[derive(Clone, Debug)]
 pub struct StateReplication {
     group: GroupId,
@@ -143,47 +149,47 @@ pub struct StateReplication {
     /// The leader, as clients are told of it.
     introduction: Option<Member>,
     allocation: Allocation,
-    /// The newest tick, and when it was due, by which clients count time.
+    /// The newest tick, and the time at which it was due, by which clients count time.
     tick: Tick,
     opened: Duration,
     is_last: bool,
     latest: Latest,
     clients: BTreeMap<ClientId, Peer>,
-    /// How often each client has been told by another, or anew, in this view.
+    /// The number of each client's turn in this view.
     turns: BTreeMap<ClientId, u32>,
-    /// Clients that another has told until they came here, as long as they have not said what they want to hear of.
+    /// Clients that another process told until they came here, as long as they have not named an interest.
     told_elsewhere: BTreeSet<ClientId>,
-    /// Clients that relays tell, and what those are told.
+    /// Clients that relays tell, and what each relay is told.
     relayed: BTreeMap<ClientId, NodeId>,
     feeds: BTreeMap<NodeId, Feed>,
-    /// The number of what a relay was told last.
+    /// The number of the last message to any relay.
     told_relays: u64,
-    /// What this process is told as a relay.
+    /// What this process has been told as a relay.
     fed: Fed,
-    /// Clients that have not said yet what they want to hear of: they are told no states.
+    /// Clients that have not named an interest yet. They are sent no states.
     undecided: BTreeSet<ClientId>,
-    /// The logical time of each client's newest input that a tick has applied, and how early it came.
+    /// The logical time of each client's newest applied input, and how many ticks early it came.
     applied: BTreeMap<ClientId, (u64, i8)>,
-    /// When each client was last told of a tick.
+    /// The tick of which each client was last told.
     told: BTreeMap<ClientId, Told>,
-    /// What clients in other processes are told, and in which way.
+    /// The channels to clients in other processes.
     channels: BTreeMap<ClientId, Channel>,
-    /// The most states that are coded per second of ticks, and those that were coded beyond so far.
+    /// The most states that are coded per second of ticks, and the number that were coded beyond that so far.
     states_per_s: f64,
     coded_beyond: usize,
-    /// What moved lately, and last, in id order.
+    /// The bodies that moved lately, and those that moved last, in id order.
     batches: Batches,
     moved_last: Vec<BodyId>,
-    /// Where fast bodies have been, since relays tell clients.
+    /// Where fast bodies have been, since the first client was given to a relay.
     trails: Option<Trails>,
-    /// Audiences of clients that have an area of interest.
+    /// The audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
     member_messages: Vec<(NodeId, Message)>,
 }
 
 impl StateReplication {
-    /// Returns that of the leader of this view, which knows no body yet.
+    /// Returns the replication of the leader of this view, which knows no body yet.
     pub(super) fn new(
         now: Duration,
         view: &View,
@@ -224,14 +230,15 @@ impl StateReplication {
         }
     }
 
-    /// Returns one that has a thread of its own, and so may code more where there is a core for it.
+    /// Returns the replication as it is on a thread of its own, which may code more if there is a core for
+    /// it.
     pub(super) fn with_own_thread(self) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let states_per_s = if cores > 1 { STATES_PER_S_ELSEWHERE } else { STATES_PER_S };
         Self { states_per_s, ..self }
     }
 
-    /// Takes an event in; [`StateReplication::take_messages`] tells what follows from it.
+    /// Takes an event in. [`StateReplication::take_messages`] returns what follows from it.
     pub fn handle(&mut self, event: ReplicationEvent) {
         match event {
             ReplicationEvent::Begin(new) => *self = *new,
@@ -278,7 +285,8 @@ impl StateReplication {
         std::mem::take(&mut self.messages)
     }
 
-    /// Returns the messages for other members since the last call: for relays, and for the leader whose relay this is.
+    /// Returns the messages for other members since the last call: for relays, and for the leader whose relay
+    /// this is.
     pub fn take_member_messages(&mut self) -> Vec<(NodeId, Message)> {
         self.acknowledge_feed();
         std::mem::take(&mut self.member_messages)
@@ -296,7 +304,7 @@ impl StateReplication {
         }
     }
 
-    /// Admits a client that is linked directly; it says what it wants to hear of.
+    /// Admits a client that is linked directly. The client then says what it wants to hear of.
     fn admit(&mut self, client: ClientId, turn: u32, told_elsewhere: bool) {
         self.leave_relay(client);
         self.turns.insert(client, turn);
@@ -350,7 +358,8 @@ impl StateReplication {
         self.forward_states(moved);
     }
 
-    /// Notes what relays are to be told of their clients. Returns what each is told of the tick beside, if there are any.
+    /// Notes what relays are to be told of their clients. Returns what each is told of the tick besides, if
+    /// there are any relays.
     fn tell_relayed(&mut self, news: &TickNews) -> Option<TickNews> {
         if self.feeds.is_empty() {
             return None;
@@ -394,7 +403,7 @@ impl StateReplication {
 
     fn turn_audiences(&mut self, interests: impl IntoIterator<Item = (ClientId, Option<Area>)>) {
         for (client, area) in interests {
-            // One whose link is gone says it again over the next one.
+            // A client whose link is gone names its interest again over the next link.
             if !self.clients.contains_key(&client) {
                 continue;
             }
@@ -459,7 +468,7 @@ impl StateReplication {
         self.tell_tick();
     }
 
-    /// Sends the tick to clients that have not heard of anything for long.
+    /// Sends a heartbeat to each client that is due one.
     fn tell_tick(&mut self) {
         let is_due = |client: &ClientId| self.is_heartbeat_due(*client);
         for client in self.clients.keys().copied().filter(is_due).collect::<Vec<_>>() {
@@ -470,7 +479,8 @@ impl StateReplication {
         }
     }
 
-    /// Returns whether a client is to hear that time goes on: rarely, where all that it would learn is that it does so as ever.
+    /// Returns whether a client is to hear that time goes on. It hears that rarely if it would learn only
+    /// that time goes on as ever.
     fn is_heartbeat_due(&self, client: ClientId) -> bool {
         let Some(Told { tick, opened, beats }) = self.told.get(&client).copied() else { return true };
         let ticks = self.tick.0.saturating_sub(tick.0);
@@ -505,7 +515,7 @@ impl StateReplication {
         self.clients.keys().filter(hears_all).copied().collect()
     }
 
-    /// Tells a client of bodies, in id order: in this process at once, elsewhere when it is its turn.
+    /// Tells a client of bodies, given in id order: in this process at once, in another when it is its turn.
     fn tell_soon(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
         if !self.is_here(client) {
             self.channel(client).wait_for(bodies);
@@ -518,13 +528,15 @@ impl StateReplication {
         }
     }
 
-    /// Returns the most states that are coded per tick, but for those of one client, which the next ticks make up for.
+    /// Returns the most states that are coded per tick. One client's batch may exceed that; the next ticks
+    /// make up for it.
     pub(super) fn states_per_tick(&self) -> usize {
         ((self.states_per_s * self.dt.as_secs_f64()).round() as usize).max(1)
     }
 
-    /// Tells clients in other processes what waits for them: those first that had their turn longest ago, and only so many that the tick
-    /// takes little longer; the others have their turn in the next one. After the last tick all are told all.
+    /// Sends clients in other processes what waits for them. Those go first that were last sent a batch
+    /// longest ago, and only so many that the tick takes little longer; the others follow in the next tick.
+    /// After the last tick all are sent everything.
     fn take_turns(&mut self) {
         let decided = |client: &ClientId| !self.undecided.contains(client) && !self.is_here(*client);
         let turn = |client| (self.channels.get(&client).map_or(Tick(0), Channel::turn), client);
@@ -542,7 +554,7 @@ impl StateReplication {
         self.coded_beyond = coded.saturating_sub(most);
     }
 
-    /// Returns what a client is told now, whose turn it is, and adds what that costs to what is `coded`.
+    /// Returns the states that a client is sent now, and adds what that costs to `coded`.
     fn choose(&mut self, client: ClientId, most: usize, coded: &mut usize) -> Vec<SharedState> {
         let now = (self.tick, self.opened, self.dt.as_secs_f64());
         self.channel(client);
@@ -562,7 +574,8 @@ impl StateReplication {
         states
     }
 
-    /// Tells a client states as they are after the ticks that members reported them of; what rests is still so after the newest of these.
+    /// Sends a client states, each with the tick that members reported it for. A body at rest is still so
+    /// after the newest of these ticks, and goes with that one.
     fn tell_by_tick(&mut self, client: ClientId, states: Vec<SharedState>) {
         let of = |state: &SharedState| self.latest.get(&state.id).map_or(self.tick, |&(_, tick)| tick);
         let Some(newest) = states.iter().map(of).max() else { return };
@@ -585,15 +598,15 @@ impl StateReplication {
         self.route(client) == here
     }
 
-    /// Returns the bytes that are held for a client, those of each body and the rest.
+    /// Returns the bytes that are held for a client: those of bodies, and the rest.
     #[cfg(test)]
     pub(super) fn bytes_of(&self, client: ClientId) -> (usize, usize) {
         self.channels[&client].bytes()
     }
 
-    /// Returns the channel of a client.
+    /// Returns the channel of a client, which begins if there is none.
     fn channel(&mut self, client: ClientId) -> &mut Channel {
-        // Views follow each other with growing numbers, and so do series.
+        // Numbers of views grow, and so do those of series.
         let turn = self.turns.get(&client).map_or(0, |turn| *turn);
         assert!(turn < MAX_TURNS, "a client of turn {turn} would be told in the series of a later view");
         let series = (self.view.0 as u32).wrapping_mul(MAX_TURNS * RESTARTS) + turn * RESTARTS;
@@ -601,7 +614,7 @@ impl StateReplication {
         self.channels.entry(client).or_insert_with(new)
     }
 
-    /// Sends a client states, in id order; without any, that time goes on.
+    /// Sends a client states, in id order; without any, a heartbeat.
     fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
         if !speculative {
             let before = self.told.get(&client).map_or(0, |told| told.beats);
@@ -623,7 +636,7 @@ impl StateReplication {
 
     /// Returns the stamp of what a client is told of a tick.
     fn stamp(&self, client: ClientId, tick: Tick, speculative: bool) -> Stamp {
-        // Speculative ticks follow the one that is waited for; reports are of one before.
+        // Speculative ticks come after the tick that is waited for, reports are of that tick or one before.
         let apart = |a: Tick, b: Tick| self.dt * u32::try_from(a.0.saturating_sub(b.0)).unwrap_or(u32::MAX);
         let opened = (self.opened + apart(tick, self.tick)).saturating_sub(apart(self.tick, tick));
         let opened_us = opened.as_micros() as u64;
@@ -635,7 +648,7 @@ impl StateReplication {
     fn tell_speculative(&mut self, tick: Tick, states: &[SharedState]) {
         let of =
             |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
-        // Who asked for few bytes is sent no guesses.
+        // A client that asked for a limited rate is sent no speculative states.
         let is_limited = |client: &ClientId| self.channels.get(client).is_some_and(Channel::is_limited);
         let parts = self.audiences.iter().map(|(&client, all)| (client, of(all)));
         let all = self.hear_all().into_iter().map(|client| (client, states.to_vec()));

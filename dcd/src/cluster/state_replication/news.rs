@@ -1,13 +1,14 @@
-//! Keeps the bodies that moved in a tick by where they are, so that a client that hears little costs no look at those that move elsewhere.
+//! Sorts the bodies that moved in a tick by where they are, so that a client with a small area costs no look
+//! at those that move elsewhere.
 
 use std::collections::BTreeMap;
 
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, Tick};
 
-/// The newest state of each body.
+/// The newest state of each body, with its tick.
 pub(in crate::cluster) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
-/// Bodies that moved since states were last sent, and where they were before, if that was sent.
+/// Bodies that moved since states were last sent, each with where it was before, if that was sent.
 pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
 
 /// A body that moved, as it is now.
@@ -18,20 +19,21 @@ pub(super) struct Change {
     pub(super) before: Option<[f64; 3]>,
 }
 
-/// What has become of the bodies that moved.
+/// The bodies that moved, as they are now.
 #[derive(Clone, Debug, Default)]
 pub(super) struct News {
-    /// In id order.
+    /// The changes, in id order.
     changes: Vec<Change>,
     /// Bodies that did not move the time before.
     begun: Vec<BodyId>,
-    /// The changes by the cells of a grid that they are in.
+    /// The cell of a grid that each change is in, with the index of the change, sorted.
     cells: Vec<([i64; 3], u32)>,
     cell_m: f64,
 }
 
 impl News {
-    /// Returns those of these bodies. `former` are those that moved the time before; areas that are looked for have about the given radius.
+    /// Returns the news of these bodies. `former` are those that moved the time before. Areas that are looked
+    /// for have about the given radius.
     pub(super) fn of(moved: &Moved, former: &[BodyId], latest: &Latest, radius_m: f64) -> Self {
         let change = |(id, &before): (&BodyId, _)| Some(Change { state: latest.get(id)?.0, before });
         let changes: Vec<_> = moved.iter().filter_map(change).collect();
@@ -46,7 +48,7 @@ impl News {
         Self { changes, begun, cells, cell_m }
     }
 
-    /// Returns all, in id order.
+    /// Returns all changes, in id order.
     pub(super) fn all(&self) -> &[Change] {
         &self.changes
     }
@@ -56,18 +58,18 @@ impl News {
         &self.begun
     }
 
-    /// Returns what has become of a body, if it moved.
+    /// Returns the change of a body, if it moved.
     pub(super) fn of_body(&self, id: BodyId) -> Option<&Change> {
         let at = self.changes.binary_search_by_key(&id, |change| change.state.id).ok()?;
         Some(&self.changes[at])
     }
 
-    /// Calls `look` with at least all bodies that are where something comes into an area.
+    /// Calls `look` with the changes of at least all bodies that have come to where they enter an area.
     pub(super) fn near(&self, area: &Area, mut look: impl FnMut(&Change)) {
         let (low, high) = area.entered_from();
         let (low, high) = (cell(low, self.cell_m), cell(high, self.cell_m));
         let across = |axis: usize| high[axis].saturating_sub(low[axis]).saturating_add(1);
-        // To look at all is quicker than to look for many cells.
+        // Looking at all changes is quicker than looking for many cells.
         if across(0).saturating_mul(across(1)) > self.cells.len() as i64 {
             self.changes.iter().for_each(look);
             return;

@@ -1,4 +1,4 @@
-//! Lets a state replication run where its leader, or its relay, is, or elsewhere.
+//! Lets a state replication run in place, with its leader or relay, or elsewhere, on another thread.
 
 use super::{ReplicationEvent, StateReplication};
 use crate::protocol::{Message, ToClient};
@@ -13,11 +13,11 @@ pub(in crate::cluster) enum Replication {
     Elsewhere(Vec<ReplicationEvent>),
 }
 
-/// What a replication says: to clients, and to other members.
+/// The messages of a replication: to clients, and to other members.
 pub(in crate::cluster) type Said = (Vec<(ClientId, ToClient)>, Vec<(NodeId, Message)>);
 
 impl Replication {
-    /// Gives it an event, and returns what follows from it here.
+    /// Gives the replication an event, and returns the messages that follow from it here.
     pub(in crate::cluster) fn handle(&mut self, event: ReplicationEvent) -> Said {
         match self {
             Self::Here(replication) => {
@@ -31,7 +31,7 @@ impl Replication {
         }
     }
 
-    /// Has it run elsewhere from its beginning on.
+    /// Has the replication run elsewhere, from its beginning on.
     pub(in crate::cluster) fn moved_elsewhere(self) -> Self {
         match self {
             Self::Here(replication) => {

@@ -7,7 +7,7 @@ use crate::cluster::coverage::Coverage;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
-/// Tells the states of a body apart.
+/// The version of a body's state.
 type Version = (Epoch, Tick);
 
 /// The part of the world of which a relay is told.
@@ -15,9 +15,9 @@ type Version = (Epoch, Tick);
 pub(super) struct Reach {
     coverage: Coverage,
     clients: BTreeSet<ClientId>,
-    /// Whether it was everything the last time.
+    /// Whether that was everything the last time.
     was_all: bool,
-    /// Where the relay has each body, and as of when.
+    /// Where the relay has each body, and the version of that state.
     told: BTreeMap<BodyId, ([f64; 3], Version)>,
 }
 
@@ -31,7 +31,7 @@ impl Reach {
         }
     }
 
-    /// Notes what a client is interested in.
+    /// Notes a client's area of interest; `None` is everything.
     pub(super) fn turn(&mut self, client: ClientId, area: Option<Area>) {
         self.clients.insert(client);
         self.coverage.turn(client, area);
@@ -47,8 +47,8 @@ impl Reach {
         self.told.remove(&id).is_some()
     }
 
-    /// Returns the bodies of which the relay is told: those of the moved ones that are in its part of the world, or were, and all that are
-    /// where that has grown, but for those that it has as they are.
+    /// Returns the bodies of which the relay is told: the moved ones that are in its part of the world, or
+    /// were, and all that are where that part has grown, except those that it has as they are.
     pub(super) fn choose(
         &mut self,
         moved: impl Iterator<Item = BodyId>,
@@ -81,7 +81,7 @@ impl Reach {
         chosen
     }
 
-    /// Returns whether the relay is told of a body that is so.
+    /// Returns whether the relay is told of a body in this state.
     pub(super) fn hears_of(&self, state: &SharedState) -> bool {
         self.coverage.is_all() || self.reaches(state)
     }
@@ -114,7 +114,8 @@ mod tests {
         SharedState { id, owner, epoch, pose, velocity: Velocity::default(), sleeping: false }
     }
 
-    /// Bodies, avatars and interests move and jump at random: of all that is near a client, or that the relay has there, it has where that is.
+    /// Bodies, avatars and interests move and jump at random. The relay has every body where it is that is
+    /// near a client, or that the relay has there.
     #[test]
     fn what_a_relay_has_near_its_clients_is_so_whatever_moves() {
         let mut left_out = 0;
@@ -179,7 +180,7 @@ mod tests {
         assert!(left_out > 1_000, "what is far from all clients is not told: {left_out}");
     }
 
-    /// An area goes on by half of its margin, over and over: what rests is told once.
+    /// An area moves on by half of its margin, over and over. A body at rest is told once.
     #[test]
     fn a_step_of_an_interest_tells_of_what_is_new_there_alone() {
         let [one, other] = [ClientId(1), ClientId(2)];
@@ -192,7 +193,7 @@ mod tests {
         for step in 0..200_u32 {
             let at = 0.6 * f64::from(step);
             reach.turn(one, Some(Area { centre: [at, 0.0, 0.0], radius_m: 12.0 }));
-            // Its avatar goes along, and back over the border of a cell now and then.
+            // Its avatar moves along, and back over the border of a cell now and then.
             let avatar = BodyId::avatar(one, 0);
             let to = [at - f64::from(step % 7), 0.0, 0.0];
             latest.insert(avatar, (state(avatar, to), Tick(u64::from(step))));

@@ -12,9 +12,9 @@ const LEADER: NodeId = NodeId(1);
 const RELAY: NodeId = NodeId(2);
 const CLIENT: ClientId = ClientId(7);
 const BODIES: u32 = 800;
-/// The ticks that an acknowledgement takes.
+/// The number of ticks that an acknowledgement takes.
 const BACK_TICKS: u64 = 2;
-/// More than one of its ticks takes on the link.
+/// More bytes than one tick's news take on the link.
 const NEWS_BYTES: usize = 32 << 10;
 
 fn state(id: BodyId, tick: u64, at: [f64; 3]) -> (BodyId, (SharedState, Tick)) {
@@ -23,7 +23,7 @@ fn state(id: BodyId, tick: u64, at: [f64; 3]) -> (BodyId, (SharedState, Tick)) {
     (id, (SharedState { id, owner, epoch, pose, velocity, sleeping: false }, Tick(tick)))
 }
 
-/// A leader, its relay, and the link between them, which carries so many bytes per tick.
+/// A leader, its relay, and the link between them, which carries a number of bytes per tick.
 struct Stage {
     leader: StateReplication,
     relay: StateReplication,
@@ -32,7 +32,7 @@ struct Stage {
     credit: usize,
     link: VecDeque<ToRelay>,
     back: VecDeque<(u64, Message)>,
-    /// Messages for the client, by whom.
+    /// Messages for the client, by whom they come.
     by_leader: Vec<ToClient>,
     by_relay: Vec<ToClient>,
     most_waiting: usize,
@@ -74,7 +74,7 @@ impl Stage {
         self.leader.handle(ReplicationEvent::Relay { client: CLIENT, node: RELAY, turn, area });
     }
 
-    /// Completes a tick, and lets the link carry what it does meanwhile.
+    /// Completes a tick, and lets the link carry what it can meanwhile.
     fn tick(&mut self, news: TickNews, moved: Latest) {
         self.tick += 1;
         let opened = Duration::from_millis(16 * self.tick);
@@ -117,8 +117,9 @@ fn places(latest: &Latest) -> BTreeMap<BodyId, [i64; 3]> {
     latest.iter().map(|(&id, (state, _))| (id, state.pose.translation.map(mm))).collect()
 }
 
-/// All bodies move, some go and some come again, inputs are applied and interests change, and the link carries all, a third, or a fifth. The
-/// relay comes to know all that it must, however late, and the link never has much to carry.
+/// All bodies move, some go and some come again, inputs are applied and interests change, and the link
+/// carries all, a third, or a fifth. The relay comes to know all that it must, however late, and the link
+/// never has much to carry.
 #[test]
 fn a_relay_behind_a_narrow_link_is_told_the_newest_of_everything() {
     for (carried, all) in [(usize::MAX, true), (2 << 10, false), (1_200, false)] {
@@ -170,7 +171,8 @@ fn guesses_do_not_pile_up_before_a_relay_that_takes_in_nothing() {
     assert!(bytes > 1_000 && bytes < 16 << 10, "{bytes} bytes wait");
 }
 
-/// What was on its way is lost with the link, and the next message comes over another: it refers to what the relay never had.
+/// Everything on its way is lost with the link, and the next message comes over another: it refers to what
+/// the relay never had.
 #[test]
 fn a_relay_that_has_missed_something_tells_nothing_until_it_begins_anew() {
     let mut stage = Stage::new(usize::MAX);
@@ -193,7 +195,8 @@ fn a_relay_that_has_missed_something_tells_nothing_until_it_begins_anew() {
     assert!(stage.back.len() < 2, "nor does it say that it has read it");
 }
 
-/// While nobody hears the relay, bodies leave a client's area in all ways: by a jump, fast and at once asleep, slowly, and twice.
+/// While nobody hears the relay, bodies leave a client's area in all ways: by a jump, fast and at once
+/// asleep, slowly, and twice.
 #[test]
 fn whoever_tells_a_client_after_a_silent_relay_tells_what_has_left_its_area_meanwhile() {
     let area = Area { centre: [0.0; 3], radius_m: 10.0 };
@@ -202,7 +205,7 @@ fn whoever_tells_a_client_after_a_silent_relay_tells_what_has_left_its_area_mean
         |tick| 1.0 * tick.clamp(100, 300) as f64 - 100.0,
         |tick| 0.03 * tick as f64,
         |tick| [900.0, 3.0, -700.0][(tick as usize / 90).min(2)],
-        // It was never near.
+        // This one was never near.
         |tick| 500.0 + tick as f64,
     ];
     let mut stage = Stage::new(usize::MAX);

@@ -7,7 +7,7 @@ use super::news::Latest;
 use crate::protocol::{Area, RelayNews};
 use crate::space::{Allocation, BodyId, ClientId, Tick};
 
-/// What a tick changes for clients.
+/// The changes of a tick, or of several, for clients.
 #[derive(Clone, Debug, Default)]
 pub struct TickNews {
     pub(super) tick: Tick,
@@ -16,18 +16,18 @@ pub struct TickNews {
     pub(super) is_last: bool,
     /// Bodies that are gone.
     pub(super) gone: BTreeSet<BodyId>,
-    /// Bodies that moved, and after which tick they were so.
+    /// The states of bodies that moved, each with the tick after which it was so.
     pub(super) moved: Latest,
-    /// Up to which of its inputs a client's are applied, and how early the newest came.
+    /// The logical time of each client's newest applied input, and how many ticks early it came.
     pub(super) applied: BTreeMap<ClientId, (u64, i8)>,
     /// Interests that clients have named since the tick before.
     pub(super) interests: BTreeMap<ClientId, Option<Area>>,
-    /// Who computes which region, if that is new.
+    /// The node that computes each region, if that is new.
     pub(super) allocation: Option<Allocation>,
 }
 
 impl TickNews {
-    /// Returns what has been gathered, as what is new after a tick.
+    /// Returns the changes gathered so far as those of a tick.
     pub(in crate::cluster) fn after(
         self,
         tick: Tick,
@@ -65,7 +65,7 @@ impl TickNews {
         self.gone.insert(id);
     }
 
-    /// Returns what a leader tells its relay, as what is new after a tick in which these bodies moved.
+    /// Returns what a leader tells its relay as the changes of a tick in which these bodies moved.
     pub(super) fn of_relay(news: RelayNews, moved: Latest) -> Self {
         Self {
             tick: news.tick,
@@ -84,7 +84,7 @@ impl TickNews {
         self.moved.extend(moved);
     }
 
-    /// Takes in what a later tick changes: of each body its newest state alone remains.
+    /// Takes in what a later tick changes. Only the newest state of each body remains.
     pub fn absorb(&mut self, later: Self) {
         for id in later.gone {
             self.is_gone(id);

@@ -1,4 +1,5 @@
-//! Remembers for some seconds where bodies have been that move fast, or jump: a client that another has told up to now may have them there.
+//! Remembers for some seconds where bodies have been that move fast, or jump: a client that another process
+//! has told up to now may have them there.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -6,23 +7,26 @@ use crate::cluster::coverage::AROUND_M;
 use crate::protocol::Area;
 use crate::space::{BodyId, Tick};
 
-/// The seconds for which a client may have been told nothing before it finds that its relay is silent: as long as its link to it stands
-/// ([`CLIENT_IDLE_TIMEOUT`](crate::protocol::link::CLIENT_IDLE_TIMEOUT)), and some more until it is told by another.
+/// The seconds for which a client may have been told nothing before it finds that its relay is silent: as
+/// long as its link to the relay stands
+/// ([`CLIENT_IDLE_TIMEOUT`](crate::protocol::link::CLIENT_IDLE_TIMEOUT)), and some more until another process
+/// tells it.
 pub(super) const SILENT_S: f64 = 15.0;
 
-/// Bodies that are no faster than this are not followed: in all that time they come no farther than bodies count around an area, m/s.
+/// The largest speed of bodies that are not followed, m/s: in all that time they come no farther than the
+/// distance within which bodies count around an area.
 const SLOW_M_S: f64 = AROUND_M / SILENT_S;
 
 /// The seconds of which trails are kept together.
 const TOGETHER_S: f64 = 1.0;
 
-/// A box around all places where a body was.
+/// A box around all places where a body was, by two corners.
 type Trail = ([f64; 3], [f64; 3]);
 
-/// Where fast bodies have been lately.
+/// The places where fast bodies have been lately.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trails {
-    /// By the tick from which on they are of a second or so.
+    /// The trails in parts of a second or so, each with the tick from which it begins.
     parts: VecDeque<(Tick, BTreeMap<BodyId, Trail>)>,
 }
 

@@ -1,5 +1,5 @@
-//! Monitors a node's delays to all others and decides when to call for a vote on inclusion or rejection (thesis 3.3.9,
-//! 4.3.2.7).
+//! Monitors a node's delays to all others and decides when to call for a vote on inclusion or rejection
+//! (thesis 3.3.9, 4.3.2.7).
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,15 +11,15 @@ use crate::space::NodeId;
 /// The rules of a [`DelayMonitor`]: how many bad samples it takes to call for a vote.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DelayRules {
-    /// Consecutive samples that must give cause before a vote is called.
+    /// The number of consecutive bad samples after which a vote is called.
     pub strikes: u32,
-    /// The time after a peer's last strike at which one strike is forgotten, and another after as long again. To be longer than
-    /// the longest interval of pings.
+    /// The time after a peer's last strike at which one strike is forgotten; after as long again another is,
+    /// and so on. It should exceed the longest interval of pings.
     pub strike_life: Duration,
 }
 
 impl Default for DelayRules {
-    /// Returns three strikes (thesis 3.3.9), kept for ten minutes: pings come every 500 s at the least.
+    /// Returns three strikes (thesis 3.3.9), kept for ten minutes: pings are 500 s apart at most.
     fn default() -> Self {
         Self { strikes: 3, strike_life: Duration::from_secs(600) }
     }
@@ -39,7 +39,8 @@ struct Strikes {
     last: Duration,
 }
 
-/// Monitors the delays from one node to all others. It keeps one entry per peer: [`Self::forget`] those that are gone.
+/// Monitors the delays from one node to all others. It keeps one entry per peer: [`Self::forget`] those that
+/// are gone.
 #[derive(Clone, Debug)]
 pub struct DelayMonitor {
     thresholds: VoteThresholds,
@@ -58,9 +59,9 @@ impl DelayMonitor {
         Self { thresholds, rules, peers: BTreeMap::new() }
     }
 
-    /// Takes in a new round trip to a peer: the average (or median) of the last ones with it, and the latest itself, in
-    /// milliseconds (infinite: no answer). Returns the vote to call, if any. Then the strikes begin anew, so that a call that
-    /// is refused is made again after as many more.
+    /// Takes in a new round trip to a peer: the average (or median) of the last ones, and the latest itself,
+    /// in milliseconds (infinite: no answer). Returns the vote to call, if any. Strikes then begin anew, so
+    /// that a call that is refused is made again after as many more.
     pub fn observe(
         &mut self,
         now: Duration,
@@ -78,7 +79,7 @@ impl DelayMonitor {
         };
         let kept = self.peers.remove(&peer).filter(|strikes| strikes.same_group == same_group);
         if !cause {
-            return None; // Strikes count one after another only.
+            return None; // Only consecutive strikes count.
         }
         let count = 1 + kept.map_or(0, |strikes| strikes.left(now, self.rules.strike_life));
         if count >= self.rules.strikes {
@@ -88,7 +89,7 @@ impl DelayMonitor {
         None
     }
 
-    /// Forgets a peer's strikes: it is gone, or it went from one other group to another.
+    /// Forgets a peer's strikes, as it is gone, or went from one other group to another.
     pub fn forget(&mut self, peer: NodeId) {
         self.peers.remove(&peer);
     }
@@ -113,7 +114,7 @@ mod tests {
         DelayMonitor::new(thresholds, DelayRules::default())
     }
 
-    /// What comes of samples of (average, latest), five seconds apart.
+    /// Returns the votes called on samples of (average, latest), five seconds apart.
     fn calls(same_group: bool, samples: &[(f64, f64)]) -> Vec<Option<Motion>> {
         let mut watch = watch();
         let observe = |(at, &(average_ms, latest_ms)): (usize, &(f64, f64))| {

@@ -1,5 +1,5 @@
-//! Tests that votes do not flap: nodes and server run together for an hour, and a node whose delay goes up and down moves only
-//! a few times.
+//! Tests that votes do not flap: nodes and server run together for an hour, and a node whose delay goes up
+//! and down moves only a few times.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -8,7 +8,7 @@ use super::tests::THRESHOLDS;
 use super::*;
 use crate::sim::Random;
 
-/// Nodes that ping each other every five seconds for an hour. The delay of the last drifts.
+/// A scenario: nodes ping each other every five seconds for an hour, and the delay of the last one drifts.
 struct Hour {
     nodes: u32,
     watch: DelayRules,
@@ -29,7 +29,7 @@ impl Hour {
         Self { nodes: 4, watch: DelayRules::default(), polls: PollRules::default(), thresholds: THRESHOLDS }
     }
 
-    /// Without all that keeps nodes from flapping.
+    /// Returns a scenario without the rules that keep nodes from flapping.
     fn careless() -> Self {
         let none = Duration::ZERO;
         let polls = PollRules {
@@ -60,7 +60,7 @@ impl Hour {
 }
 
 impl Drift {
-    /// About 30 ms, midway between the thresholds.
+    /// Returns the round trip at a time, milliseconds: about 30, midway between the thresholds.
     fn at(&self, now_s: u64, random: &mut Random) -> f64 {
         let phase = std::f64::consts::TAU * now_s as f64 / self.period_s;
         let noise_ms = self.noise_ms * (2.0 * random.unit() - 1.0);
@@ -68,7 +68,7 @@ impl Drift {
     }
 }
 
-/// Nodes, their groups and their votes on the way through an hour.
+/// The state of a run: nodes, their groups, their votes and the moves so far.
 struct Run<'a> {
     hour: &'a Hour,
     polls: Polls,
@@ -96,13 +96,13 @@ impl<'a> Run<'a> {
         self.groups.iter().find(|group| group.contains(&node)).expect("everybody is in a group").clone()
     }
 
-    /// The average of the last 16 round trips.
+    /// Returns the average of the last 16 round trips.
     fn average_ms(&self, a: NodeId, b: NodeId) -> f64 {
         let trips = &self.trips[&(a, b)];
         trips.iter().sum::<f64>() / trips.len() as f64
     }
 
-    /// A round trip from `a` to `b` and all that follows from it.
+    /// Takes in a round trip from `a` to `b`, and carries out all that follows from it.
     fn trip(&mut self, now: Duration, a: NodeId, b: NodeId, trip_ms: f64) {
         let trips = self.trips.entry((a, b)).or_default();
         trips.push_back(trip_ms);
@@ -170,7 +170,7 @@ fn without_the_rules_it_moves_far_more_often() {
         assert!(*moves > 6 || drift.period_s > 900.0, "{drift:?}: {moves}");
     }
     assert!(careless.iter().sum::<usize>() > 5 * careful.iter().sum::<usize>());
-    // What bounds it is how long the evicted stay out.
+    // The bound comes from how long evicted nodes stay out.
     let polls = PollRules { return_after: Duration::ZERO, ..PollRules::default() };
     assert!(moves(&Hour { polls, ..Hour::careful() }).into_iter().any(|moves| moves > 20));
 }

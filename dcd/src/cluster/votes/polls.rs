@@ -1,5 +1,5 @@
-//! Holds the votes of all groups on the server: decides which may be held, collects the ballots and closes the polls (thesis
-//! 3.3.9, 4.3.1.5).
+//! Holds the votes of all groups on the server: decides which may be held, collects the ballots and closes
+//! the polls (thesis 3.3.9, 4.3.1.5).
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -10,33 +10,36 @@ use super::{Ballot, Tally, VoteError};
 use crate::protocol::Motion;
 use crate::space::NodeId;
 
-/// The rules on how often votes may be held. The thesis names these means without figures; the figures are ours.
+/// The rules on how often votes may be held. The thesis names these means without figures; the figures are
+/// ours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct PollRules {
-    /// The largest number of nodes in a group, see [`super::super::GroupRules::max_size`].
+    /// The largest number of nodes in a group; see [`super::super::GroupRules::max_size`].
     pub max_size: usize,
-    /// How long ballots are waited for; a voter that has not voted by then abstains.
+    /// The time for which a poll waits for ballots. A voter that has not voted by then abstains.
     pub deadline: Duration,
-    /// How recently another member must have called for the same rejection, in a group of three or more, for a vote to be held.
+    /// The time within which a second member must call for the same rejection for a vote to be held. This
+    /// applies to groups of three or more.
     pub second_within: Duration,
     /// The shortest time between two votes that one node calls, and between two votes on one node.
     pub rest: Duration,
     /// The most votes within `window`, of all groups together.
     pub max_votes: usize,
-    /// See `max_votes`.
+    /// The time to which `max_votes` applies.
     pub window: Duration,
-    /// How long a node stays in its group before it may be voted elsewhere.
+    /// The time that a node stays in its group before it may be voted elsewhere.
     pub min_stay: Duration,
-    /// How long a node that was evicted stays out of groups: after its second eviction three times as long, and so on, until it
-    /// is forgiven.
+    /// The time that a node stays out of groups after an eviction. Each further eviction triples it, until
+    /// evictions are forgotten.
     pub return_after: Duration,
     /// The time without another eviction after which evictions are forgotten.
     pub forgiven_after: Duration,
 }
 
 impl Default for PollRules {
-    /// However a delay moves, a node is voted to and fro five times in its first hour at most: out after 1 min, in after 6, out
-    /// after 7, in after 22, out after 23, and in again after 68.
+    /// Returns rules by which a node is voted to and fro at most five times in its first hour, however its
+    /// delay moves. The times are: out after 1 min, in after 6, out after 7, in after 22, out after 23, and
+    /// in again after 68.
     fn default() -> Self {
         Self {
             max_size: 32,
@@ -83,31 +86,33 @@ pub struct Call<'a> {
 /// The reason why a vote is not held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VoteRefusal {
-    /// See the message.
+    /// The caller, the candidate and their groups do not go with the motion.
     #[error("the caller, the candidate and their groups do not go with the motion")]
     Mistaken,
-    /// Thesis 3.3.9: else groups would poach each other's nodes in turn.
+    /// The candidate's present group is larger than the caller's. Without this rule groups would poach each
+    /// other's nodes in turn (thesis 3.3.9).
     #[error("the candidate's present group is larger than the group that wants it")]
     Smaller,
-    /// See the message.
+    /// The group has as many members as it may have.
     #[error("the group has as many members as it may have")]
     Full,
-    /// By the thesis's sum one member could else have another evicted from a group of three, be it for its own lag.
+    /// Nobody else in the group has called for the rejection yet. By the thesis's sum alone, one member of a
+    /// group of three could have another evicted, even because of its own lag.
     #[error("nobody else in the group has called for it yet")]
     Unseconded,
-    /// See the message.
+    /// The membership of a group concerned is being changed.
     #[error("the membership of a group concerned is being changed")]
     Changing,
-    /// See the message.
+    /// Another vote concerns some of the same nodes.
     #[error("another vote concerns some of the same nodes")]
     Voting,
-    /// See the message.
+    /// The caller has called a vote, or the candidate has been voted on, a short time ago.
     #[error("the caller has called a vote, or the candidate has been voted on, a short time ago")]
     Resting,
-    /// See the message.
+    /// The candidate has to stay where it is for a while.
     #[error("the candidate stays where it is for a while")]
     Staying,
-    /// See the message.
+    /// There were as many votes as there may be in the window.
     #[error("there were as many votes as there may be in such a time")]
     TooMany,
 }
@@ -115,7 +120,7 @@ pub enum VoteRefusal {
 /// The outcome of a vote that is over.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// Its number.
+    /// The number of the vote.
     pub poll: u64,
     /// The motion that was voted on.
     pub motion: Motion,
@@ -127,14 +132,14 @@ pub struct Outcome {
     pub passed: bool,
 }
 
-/// How many votes there were, and how they ended.
+/// The counts of votes, and of how they ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PollCounts {
-    /// Votes that were opened. Those that neither passed nor failed are open, or were cancelled.
+    /// The number of votes opened. Those that neither passed nor failed are open, or were cancelled.
     pub opened: u64,
-    /// Votes that passed.
+    /// The number of votes that passed.
     pub passed: u64,
-    /// Votes that failed.
+    /// The number of votes that failed.
     pub failed: u64,
 }
 
@@ -142,7 +147,7 @@ pub struct PollCounts {
 struct Poll {
     motion: Motion,
     group: Vec<NodeId>,
-    /// Members of both groups.
+    /// The members of both groups.
     concerned: BTreeSet<NodeId>,
     ballots: BTreeMap<NodeId, Option<Ballot>>,
     deadline: Duration,
@@ -151,26 +156,27 @@ struct Poll {
 /// A node's history in votes.
 #[derive(Clone, Debug, Default)]
 struct Standing {
-    /// Since when it has been in its group.
+    /// The time since which the node has been in its group.
     since: Option<Duration>,
-    /// How often it was evicted, and when for the last time.
+    /// How often the node was evicted, and when for the last time.
     evictions: u32,
     evicted: Duration,
-    /// When it may call, and be voted on, again.
+    /// When the node may call a vote again, and when it may be voted on again.
     may_call: Duration,
     may_be_voted_on: Duration,
-    /// Nodes that have called for its rejection, and when for the last time.
+    /// The nodes that have called for its rejection, and when each did last.
     accusers: BTreeMap<NodeId, Duration>,
 }
 
-/// The votes of all groups. It holds one entry per node, one time per vote of the window, and at most one open poll per group.
+/// The votes of all groups. It holds one entry per node, one time per vote of the window, and at most one
+/// open poll per group.
 #[derive(Clone, Debug)]
 pub struct Polls {
     rules: PollRules,
     last: u64,
     counts: PollCounts,
     open: BTreeMap<u64, Poll>,
-    /// When the votes of the window were opened.
+    /// The times at which the votes of the window were opened.
     opened: VecDeque<Duration>,
     nodes: BTreeMap<NodeId, Standing>,
 }
@@ -192,7 +198,7 @@ impl Polls {
         }
     }
 
-    /// Records that a node is in another group from now on, other than by a vote: its stay begins.
+    /// Records that a node is in another group from now on, other than by a vote. Its stay there begins.
     pub fn placed(&mut self, now: Duration, node: NodeId) {
         self.nodes.entry(node).or_default().since = Some(now);
     }
@@ -244,7 +250,7 @@ impl Polls {
         let new = Standing::default();
         let standing = |node| self.nodes.get(&node).unwrap_or(&new);
         let rules = &self.rules;
-        // When one that is alone wants another, it is as if itself were wanted.
+        // When a node that is alone wants another, the vote moves the caller just as much.
         let moved = [Some(candidate), (group.len() == 1).then_some(caller)];
         let stays = |node| standing(node).stays_until(motion, rules, now) > now;
         let voting = |poll: &Poll| group.iter().chain(present).any(|node| poll.concerned.contains(node));
@@ -265,8 +271,8 @@ impl Polls {
         }
     }
 
-    /// Takes a ballot in, and returns the outcome if it is the last. A node that is not asked, has voted already or comes too
-    /// late is ignored.
+    /// Takes a ballot in, and returns the outcome if it is the last. The ballot of a node that is not asked,
+    /// has voted already or is too late is ignored.
     pub fn ballot(&mut self, now: Duration, poll: u64, voter: NodeId, ballot: Ballot) -> Option<Outcome> {
         let open = self.open.get_mut(&poll).filter(|open| now <= open.deadline)?;
         open.ballots.get_mut(&voter)?.get_or_insert(ballot);
@@ -279,7 +285,7 @@ impl Polls {
         self.counts
     }
 
-    /// Returns when [`Self::handle_timeout`] has something to do.
+    /// Returns when [`Self::handle_timeout`] next has something to do.
     pub fn poll_timeout(&self) -> Option<Duration> {
         self.open.values().map(|poll| poll.deadline).min()
     }
@@ -306,7 +312,7 @@ impl Polls {
 }
 
 impl Call<'_> {
-    /// Checks whether the vote could be held at all.
+    /// Checks whether the vote could be held at any time.
     fn in_itself(&self, rules: &PollRules) -> Result<(), VoteRefusal> {
         let candidate = self.motion.candidate();
         if !self.group.contains(&self.caller) || !self.present.contains(&candidate) {
@@ -335,12 +341,12 @@ impl Standing {
         group.iter().filter(|node| self.accusers.contains_key(node)).count()
     }
 
-    /// Evictions that still count.
+    /// Returns the number of evictions that still count.
     fn evictions(&self, rules: &PollRules, now: Duration) -> u32 {
         if now.saturating_sub(self.evicted) < rules.forgiven_after { self.evictions } else { 0 }
     }
 
-    /// Until when the node may not be moved by such a motion.
+    /// Returns the time until which such a motion may not move the node.
     fn stays_until(&self, motion: Motion, rules: &PollRules, now: Duration) -> Duration {
         let stay = match (motion, self.evictions(rules, now)) {
             (Motion::Reject(_), _) | (_, 0) => rules.min_stay,

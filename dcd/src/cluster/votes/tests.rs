@@ -62,7 +62,7 @@ fn settings_that_cannot_be_are_refused() {
     assert!(PollRules { window: Duration::ZERO, ..PollRules::default() }.checked().is_err());
 }
 
-/// Two groups: 1, 2, 3 and 4, 5; and 6 alone.
+/// The groups: 1, 2 and 3; 4 and 5; 6 alone.
 const GROUPS: [&[u32]; 3] = [&[1, 2, 3], &[4, 5], &[6]];
 
 fn group_of(node: NodeId) -> Vec<NodeId> {
@@ -76,7 +76,7 @@ fn call(polls: &mut Polls, now: u64, caller: u32, motion: Motion) -> Result<(u64
     polls.call(at(now), &call)
 }
 
-/// A member calls for a rejection that another is to call for after it.
+/// Calls for a rejection as the first member, whose call needs a second.
 fn first(polls: &mut Polls, now: u64, caller: u32, motion: Motion) {
     assert_eq!(call(polls, now, caller, motion), Err(VoteRefusal::Unseconded));
 }
@@ -179,7 +179,7 @@ fn no_vote_is_held_while_a_group_concerned_changes() {
     let changing =
         Call { caller: NodeId(1), motion: reject(2), group: &group, present: &group, changing: true };
     assert_eq!(polls.call(at(0), &changing), Err(VoteRefusal::Changing));
-    // And one that is being held is void.
+    // A vote that is under way is void.
     call(&mut polls, 0, 1, include(6)).unwrap();
     call(&mut polls, 0, 4, reject(5)).unwrap();
     polls.group_changes(&nodes([6]));
@@ -226,7 +226,7 @@ fn a_rejection_is_heard_when_two_of_three_call_for_it_in_time() {
     first(&mut polls, 20, 2, reject(1));
     first(&mut polls, 310, 3, reject(2));
     assert!(call(&mut polls, 310, 1, reject(2)).is_ok());
-    // Of two, one is all that there are beside the candidate.
+    // In a group of two there is only one member beside the candidate.
     assert!(call(&mut polls, 310, 4, reject(5)).is_ok());
 }
 
@@ -253,14 +253,14 @@ fn a_node_stays_for_a_while_wherever_it_comes() {
     let (alone, other) = (nodes([6]), nodes([7]));
     let wanting =
         Call { caller: NodeId(6), motion: include(7), group: &alone, present: &other, changing: false };
-    // One that is alone joins as much as it is joined.
+    // A node that is alone joins as much as it is joined.
     assert_eq!(polls.call(at(159), &wanting), Err(VoteRefusal::Staying));
     assert!(call(&mut polls, 160, 1, reject(2)).is_ok());
     polls.forget(NodeId(6));
     assert!(call(&mut polls, 159, 4, include(6)).is_ok(), "another with its number");
 }
 
-/// Votes a node out, or in, at the first second from `from` at which that is allowed.
+/// Votes a node out, or in, at the first second from `from` at which that is allowed. Returns that second.
 fn moved(polls: &mut Polls, from: u64, motion: Motion) -> u64 {
     let candidate = motion.candidate();
     let rest = if candidate.0 == 3 { nodes([1, 2, 4]) } else { nodes([1, 2, 3]) };

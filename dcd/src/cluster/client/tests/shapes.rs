@@ -1,4 +1,5 @@
-//! Tests which shapes a client forgets, and that what it builds again brings those that the world has forgotten.
+//! Tests which shapes a client forgets, and that what it builds again brings those that the world has
+//! forgotten.
 
 use super::*;
 
@@ -15,7 +16,7 @@ fn shapes_are_forgotten_that_the_server_says_are_gone_or_does_not_tell_again_but
     let known = |client: &Client| client.shapes().keys().copied().collect::<BTreeSet<_>>();
     tell(&mut client, ToClient::ShapesGone(names(&[&part, &pair, &gone]).into_iter().collect()));
     assert_eq!(known(&client), names(&[&part, &pair, &lost]), "a body has the pair");
-    // Its link broke, and what was said meanwhile is lost.
+    // The client's link broke, and what was said meanwhile is lost.
     let welcome =
         ToClient::Welcome { id: ClientId(1), world: sim_world(1), logical_time: 1, next_built: (0, 0) };
     tell(&mut client, welcome);
@@ -26,7 +27,7 @@ fn shapes_are_forgotten_that_the_server_says_are_gone_or_does_not_tell_again_but
     assert_eq!(known(&client), names(&[&part, &pair, &gone]));
 }
 
-/// A line that takes most of a message.
+/// Returns a polyline that takes most of a message.
 fn line(number: u32) -> ShapeRecord {
     ShapeRecord::Polyline((0..3_400).map(|i| [i as f32, number as f32, 0.0]).collect(), Vec::new())
 }
@@ -51,7 +52,7 @@ fn what_is_built_again_brings_shapes_that_the_world_has_forgotten_meanwhile() {
     let bodies: Vec<_> = bodies.map(|(shape, index)| built_of(index, shape)).collect();
     client.handle(at, ClientEvent::Build(vec![inserted(bodies.clone()), BuildOp::Remove(bodies[0].id)]));
     assert_eq!(built(&mut client).len(), 1, "they are known, and short");
-    // Names of a compound and its part may come one after the other, and the last is not told at all.
+    // The ends of a compound and its part may be told one after the other, and the last one not at all.
     for gone in [&pair, &part, &heard] {
         tell(&mut client, ToClient::ShapesGone(vec![gone.hash()]));
         assert!(!client.shapes().contains_key(&gone.hash()), "what is made with it now brings it");

@@ -9,12 +9,12 @@ use crate::sim::Random;
 
 const BODIES: u32 = 300;
 const TICKS: u64 = 600;
-/// Acknowledgements of the server, or of the other group, take so many ticks: 100 ms.
+/// The delay of acknowledgements of the server, or of the other group, ticks: 100 ms.
 const DELAY_TICKS: u64 = 6;
-/// Headers of UDP and QUIC.
+/// The bytes of the headers of UDP and QUIC.
 const HEADERS: usize = 70;
 
-/// Balls that fall, bounce and roll, and are struck now and then.
+/// Moves a ball that falls, bounces and rolls, and is struck now and then.
 fn fly(state: &mut SharedState, random: &mut Random) {
     const DT_S: f32 = 1.0 / 60.0;
     let [x, y, z] = &mut state.velocity.linear;
@@ -29,8 +29,8 @@ fn fly(state: &mut SharedState, random: &mut Random) {
     state.pose = state.pose.moved(&state.velocity, f64::from(DT_S));
 }
 
-/// Returns the bytes a second that a moving body costs between a leader and the server: as states are told, in full, and in the form for clients,
-/// which refers to what was acknowledged.
+/// Returns the bytes per second that a moving body costs between a leader and the server: in the form for
+/// other groups, in full, and in the form for clients, which refers to what was acknowledged.
 fn cost(dead_reckoning_m: f32) -> [f64; 3] {
     let mut leader = leader();
     leader.thresholds = Thresholds { dead_reckoning_m, ..leader.thresholds };
@@ -82,7 +82,8 @@ fn cost(dead_reckoning_m: f32) -> [f64; 3] {
     [alone, full, compact].map(per_body_s)
 }
 
-/// To refer to what was acknowledged would take off another half, and acknowledgements both ways between each leader and the server.
+/// Referring to what was acknowledged would save another half, and need acknowledgements both ways between
+/// each leader and the server.
 #[test]
 fn other_groups_are_told_in_a_quarter_of_the_bytes_of_full_states() {
     for dead_reckoning_m in [0.0, 0.01] {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::space::Epoch;
 
-/// Reports a body of the sender's own region after a tick; returns whether that is refused.
+/// Reports a body of the sender's own region after a tick. Returns whether that is refused.
 fn refuses(leader: &mut Leader, tick: u64, epoch: Epoch, x: f64) -> bool {
     let (id, pose, velocity) = (BodyId::persistent(7), WorldPose::at([x, 0.0, 0.0]), Velocity::default());
     let states = vec![SharedState { id, owner: RegionId(1), epoch, pose, velocity, sleeping: false }];

@@ -5,14 +5,14 @@ use super::*;
 const BODIES: u32 = 1_000;
 const TICKS: u64 = 300;
 
-/// Returns the processor time of this thread, which others that are at work do not lengthen.
+/// Returns the processor time of this thread, which other busy threads do not lengthen.
 fn processor_time() -> Duration {
     let times = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     Duration::from_nanos(times.split(' ').next().unwrap().parse().unwrap())
 }
 
-/// Returns the processor time of a tick with so many clients, from what members report to the messages for clients; and how many states a
-/// client is told in a second.
+/// Returns the processor time of a tick with this many clients, from members' reports to the messages for
+/// clients; and how many states a client is told per second.
 fn tick_with(count: u32) -> (Duration, f64) {
     let mut leader = leader();
     let mut clients = BTreeMap::new();
@@ -29,7 +29,7 @@ fn tick_with(count: u32) -> (Duration, f64) {
     for tick in 1..=TICKS {
         let now = Duration::from_millis(17 * tick);
         leader.dispatch(now).unwrap();
-        // A part of them is struck.
+        // Some of the bodies are struck.
         let mut state = |i| SharedState {
             id: BodyId::persistent(i),
             owner: RegionId(1),
@@ -74,7 +74,7 @@ fn sixty_four_clients_cost_their_leader_a_fifth_of_a_tick_at_most() {
         println!(
             "{count} clients: {took:?}, {share:.3} of a tick; each is told {told:.1} times per second of each body"
         );
-        // On a core that has nothing else to do it is a fifth at most.
+        // On a core that has nothing else to do, it is a fifth at most.
         assert!(share < 0.25, "{count} clients: {took:?}");
     }
 }

@@ -1,16 +1,19 @@
-//! Tests what a leader holds for a client that does not acknowledge what it is told, and tells it when it does again.
+//! Tests what a leader holds for a client that does not acknowledge what it is told, and what it tells it
+//! when it does again.
 
 use std::collections::VecDeque;
 
 use super::*;
 
 const BODIES: u32 = 1_000;
-/// The most that may be held beside what each body takes.
+/// The most bytes that may be held beside what each body takes.
 const MOST_BYTES: usize = 64 << 10;
-/// What a body takes at most: the newest state that was acknowledged and four later ones, a hundred bytes each.
+/// The most bytes that a body takes: the newest state that was acknowledged and four later ones, a hundred
+/// bytes each.
 const BODY_BYTES: usize = 540;
 
-/// A leader of a thousand bodies that move in every tick, and its client, whose acknowledgements take a fifth of a second.
+/// A leader of a thousand bodies that move in every tick, and its client, whose acknowledgements take a fifth
+/// of a second.
 struct Told {
     leader: Leader,
     random: crate::sim::Random,
@@ -25,8 +28,8 @@ impl Told {
         Self { leader, random: crate::sim::Random::new(5), tick: 0, come: VecDeque::new() }
     }
 
-    /// Plays ticks; the client acknowledges those datagrams of which `hears` says so. Returns the most bytes that were held of bodies, and
-    /// the most of the rest.
+    /// Plays ticks. The client acknowledges the datagrams for which `hears` returns true. Returns the most
+    /// bytes that were held of bodies, and the most of the rest.
     fn play(&mut self, ticks: u64, hears: impl Fn(u64, u32) -> bool) -> (usize, usize) {
         let mut most = (0, 0);
         for _ in 0..ticks {
@@ -65,7 +68,8 @@ impl Told {
     }
 }
 
-/// Counted are the entries of maps and sets and the capacities of queues, not what the allocator and ordered maps add.
+/// The entries of maps and sets and the capacities of queues count; what the allocator and ordered maps add
+/// does not.
 #[test]
 fn a_client_that_stops_reading_costs_its_leader_no_more_than_one_that_reads() {
     let mut told = Told::new();
@@ -86,7 +90,7 @@ fn a_client_that_never_acknowledges_or_hardly_ever_costs_no_more_than_that() {
     let never = Told::new().play(300, |_, _| false);
     println!("a client that never acknowledges: {never:?}");
     assert!(never.0 <= BODIES as usize * BODY_BYTES && never.1 <= MOST_BYTES, "{never:?}");
-    // Often enough to be sent all that its link carries.
+    // It acknowledges often enough to be sent all that its link carries.
     let mut told = Told::new();
     let rarely = told.play(900, |tick, _| tick % 48 == 0);
     println!("one that does so twice a second: {rarely:?}");
@@ -94,7 +98,8 @@ fn a_client_that_never_acknowledges_or_hardly_ever_costs_no_more_than_that() {
     assert!(rarely.0 <= BODIES as usize * BODY_BYTES && rarely.1 <= MOST_BYTES, "{rarely:?}");
 }
 
-/// Checks that what a client acknowledges while it is silent, later than the tick in which it is told so little, counts.
+/// Checks that what a client acknowledges while it is silent, later than the tick in which it is told so
+/// little, counts.
 #[test]
 fn a_client_that_was_silent_for_long_and_hears_again_is_told_of_all_again() {
     let mut told = Told::new();

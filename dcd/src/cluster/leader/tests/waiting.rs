@@ -1,4 +1,4 @@
-//! Tests what becomes of that which waits at a leader for a tick, or for its avatar.
+//! Tests what becomes of operations and inputs that wait at a leader for a tick, or for their avatar.
 
 use super::*;
 
@@ -30,7 +30,7 @@ fn a_tick_takes_no_more_operations_than_who_reads_them_has_room_for() {
     let mut leader = leader();
     leader.dispatch(Duration::ZERO);
     let ops: Vec<_> = (0..200_000).map(|i| WorldOp::Remove(BodyId::persistent(i))).collect();
-    // Nor does one message of the server.
+    // One message of the server takes no more, either.
     for ops in protocol::split(ops.clone(), 1 << 20) {
         let apply = protocol::ToNode::Apply { view: ViewNumber(1), first: 0, ops: ops.clone() };
         protocol::decode(&protocol::encode(&protocol::Message::ToNode(apply))).unwrap();
@@ -56,7 +56,7 @@ fn a_jump_is_not_lost_as_other_inputs_follow_it_before_a_tick_does_it() {
             assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
         }
     };
-    // For the same tick, and for one that is to come later.
+    // This holds for the same tick, and for one that comes later.
     for tick in [0, 9] {
         let mut leader = leader();
         leader.dispatch(Duration::ZERO);
@@ -67,7 +67,7 @@ fn a_jump_is_not_lost_as_other_inputs_follow_it_before_a_tick_does_it() {
         both_done(&mut leader, 2, vec![], vec![]);
         assert_eq!(taken(&mut leader), Vec::<u64>::new());
     }
-    // The next leader is told, and has not heard of the avatar.
+    // The next leader is told, even of an avatar that this one has not heard of.
     let unknown = BodyId::avatar(CLIENT, 7);
     let mut leader = leader();
     asks(&mut leader, unknown, 0);
@@ -97,7 +97,7 @@ fn an_input_that_was_done_before_the_view_is_answered_and_not_done_again_where_t
     for (epoch, again) in [(Epoch(0), vec![]), (Epoch::placed_in(1), vec![7])] {
         let mut leader = leader();
         leader.pass_over([((AVATAR, false), 7)].into());
-        // It may come before anything is heard of the avatar, or later.
+        // The input may come before anything is heard of the avatar, or later.
         assert_eq!(leader.accept_input(CLIENT, input(7, 1.0)), Ok(()));
         let state = SharedState {
             id: AVATAR,

@@ -35,11 +35,11 @@ fn an_interest_counts_when_what_is_there_has_been_reported() {
     plays(&mut leader, None);
     plays(&mut leader, None);
     leader.take_interest(CLIENT, Some(far));
-    // It moved while nobody looked there: where it was is not told.
+    // The body moved while nobody looked there: where it was is not told.
     assert_eq!(plays(&mut leader, None), (vec![], vec![(CLIENT, Some(far))]));
     assert_eq!(plays(&mut leader, None), (vec![], vec![]));
     assert_eq!(plays(&mut leader, Some(905.0)).0, [(CLIENT, 1)]);
-    // Another part of what is looked at is reported already.
+    // Another part of what is looked at has been reported already.
     leader.take_interest(CLIENT, Some(Area { centre: [901.0, 0.0, 0.0], radius_m: 9.0 }));
     assert_eq!(plays(&mut leader, None).1, []);
 }

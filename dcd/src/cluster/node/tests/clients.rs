@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What a client asks of the server, which may be long.
+/// Returns a request of a client to the server, which may be long.
 fn lasting() -> FromClient {
     FromClient::Spawn { body: sim_body(BodyId::avatar(ClientId(5), 0), [1.0; 3]), shapes: Vec::new() }
 }

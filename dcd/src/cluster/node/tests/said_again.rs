@@ -25,7 +25,7 @@ fn what_a_server_says_before_it_knows_what_was_lost_is_done_once_and_in_its_plac
         server(node, ToNode::Apply { view: ViewNumber(2), first, ops: ops.to_vec() });
     };
     apply(&mut node, 0, std::slice::from_ref(&one));
-    // The next was lost with a link, of which the server does not know yet.
+    // The next operation was lost with a link, of which the server does not know yet.
     let gone = WorldOp::Remove(OTHER);
     apply(&mut node, 2, &[three.clone(), gone.clone()]);
     node.handle(NOW, NodeEvent::Disconnected(Peer::Server));

@@ -3,6 +3,7 @@
 //! is authoritative.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Bound;
 
 use super::Leader;
 use crate::cluster::Peer;
@@ -45,7 +46,8 @@ pub(super) struct InterGroup {
     /// Bodies that moved since states were last sent, among those that this group is authoritative for.
     moved: BTreeSet<BodyId>,
     told: BTreeMap<BodyId, (Tick, SharedState)>,
-    reminded: BodyId,
+    /// The body that other groups were reminded of last; none before the first, and where the round begins anew.
+    reminded: Option<BodyId>,
     /// The newest states that other groups sent.
     heard: BTreeMap<BodyId, (Tick, SharedState)>,
     news: BTreeSet<BodyId>,
@@ -224,11 +226,12 @@ impl Leader {
         }
         if tick.0.is_multiple_of(TELL_EVERY) {
             // Bodies that nobody has looked at until now are yet to be reported.
-            let (reminded, most) = (inter_group.reminded, if is_known { REMINDERS } else { 0 });
-            let reminders = inter_group.told.range(reminded..).skip(1).take(most);
+            let after = inter_group.reminded.map_or(Bound::Unbounded, Bound::Excluded);
+            let most = if is_known { REMINDERS } else { 0 };
+            let reminders = inter_group.told.range((after, Bound::Unbounded)).take(most);
             let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
             if is_known {
-                inter_group.reminded = reminders.last().copied().unwrap_or_default();
+                inter_group.reminded = reminders.last().copied();
             }
             let mut states = Vec::new();
             let moved = if is_known { std::mem::take(&mut inter_group.moved) } else { BTreeSet::new() };

@@ -1,6 +1,6 @@
 //! Measures what it costs to tell other groups of bodies, and what it would cost in other forms.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::*;
 use crate::delta::{Sender, alone};
@@ -93,4 +93,32 @@ fn other_groups_are_told_in_a_quarter_of_the_bytes_of_full_states() {
         );
         assert!(alone < 0.28 * full && compact < alone, "{alone} {full} {compact}");
     }
+}
+
+/// A state may be lost on its way to another group, and what rests is told only once by itself.
+#[test]
+fn other_groups_are_reminded_of_every_body_in_turn() {
+    let mut leader = leader();
+    leader.authority(false, true, Vec::new());
+    let states = (0..9).map(|i| SharedState {
+        id: BodyId::persistent(i),
+        owner: RegionId(1),
+        epoch: crate::space::Epoch::placed_in(1),
+        pose: WorldPose::at([f64::from(i), 0.0, 0.0]),
+        velocity: Velocity { linear: [0.0; 3], angular: [0.0; 3] },
+        sleeping: true,
+    });
+    let mut states: Vec<_> = states.collect();
+    let mut told = BTreeMap::new();
+    for tick in 1..=120 {
+        leader.dispatch(Duration::from_millis(17 * tick)).unwrap();
+        let states = std::mem::take(&mut states);
+        leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
+        both_done(&mut leader, tick, vec![], vec![]);
+        for message in leader.take_server_messages() {
+            let ToServer::InterGroup { states, .. } = &message else { continue };
+            alone::read(states).unwrap().iter().for_each(|state| *told.entry(state.id).or_insert(0) += 1);
+        }
+    }
+    assert!(told.len() == 9 && told.values().all(|&times| times > 2), "{told:?}");
 }

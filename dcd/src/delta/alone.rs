@@ -1,4 +1,5 @@
-//! Writes states so that each part can be read alone: for who hears by way of others, and acknowledges nothing.
+//! Writes states so that each part can be read alone, for readers that are told by way of others and
+//! acknowledge nothing.
 
 use std::time::Duration;
 
@@ -8,11 +9,12 @@ use super::sender::Sender;
 use crate::protocol::{CodecError, Part, SharedState};
 use crate::space::Tick;
 
-/// The one series, and its one batch.
+/// The only series, and its only batch.
 const SERIES: u32 = 0;
 const BATCH: u32 = 1;
 
-/// Writes states, in id order, into as few parts as fit this many bytes each; of none one that is empty.
+/// Writes states, in id order, into as few parts of at most `limit` bytes as possible; without states, one
+/// empty part.
 pub(crate) fn write(states: &[SharedState], limit: usize) -> Vec<Vec<u8>> {
     if states.is_empty() {
         return vec![Vec::new()];

@@ -1,4 +1,4 @@
-//! Defines the format of states in a datagram: one description serves the one who writes and the one who reads.
+//! Defines the format of states in a datagram. One description serves the writer and the reader.
 
 use std::sync::LazyLock;
 
@@ -11,31 +11,31 @@ use super::quantise::Quantised;
 use crate::protocol::CodecError;
 use crate::space::BodyId;
 
-/// What a bit of a datagram says.
+/// The part of a state that a bit of a datagram belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Field {
-    /// Which body it is.
+    /// The body's id.
     Id,
-    /// What its state is told against: the state of which batch, and how it is predicted from that.
+    /// The reference: the batch whose state it is told against, and how it is predicted from that.
     Reference,
-    /// Owner, epoch and whether it sleeps.
+    /// The owner, the epoch, and whether the body sleeps.
     Owner,
-    /// Its position.
+    /// The position.
     Place,
-    /// Its rotation.
+    /// The rotation.
     Turn,
-    /// Its velocity.
+    /// The velocity.
     Velocity,
-    /// Its angular velocity.
+    /// The angular velocity.
     Spin,
 }
 
 impl Field {
-    /// All of them.
+    /// All fields, in order.
     pub const ALL: [Self; 7] =
         [Self::Id, Self::Reference, Self::Owner, Self::Place, Self::Turn, Self::Velocity, Self::Spin];
 
-    /// Returns its name.
+    /// Returns the name of the field.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Id => "id",
@@ -51,22 +51,22 @@ impl Field {
 
 /// The most bits of a number: a difference of two numbers of 64 bits.
 const WIDEST: usize = 64;
-/// Numbers of so many bits or more are so rare that their width is written as it is.
+/// The width in bits from which on a width is written as it is, since it is so rare.
 const WIDE: usize = 23;
-/// What has more bits than this is rare; widths from here on share their models.
+/// The width in bits above which numbers are rare. Widths from here on share their models.
 const RARE: usize = 15;
-/// By how many bits the numbers before took, models are kept apart.
+/// The number of models that are kept apart by how many bits the numbers before took.
 const CONTEXTS: usize = 8;
 
-/// The models of one datagram, which begin alike in each.
+/// The models of one datagram. Each datagram begins with the same ones.
 #[derive(Clone, Debug)]
 pub(super) struct Models {
     id: Number,
     is_told_against: Adaptive<2>,
     batches: Number,
-    /// How many batches ago that was which the last body was told against.
+    /// How many batches ago the state was that the last body was told against.
     usual_batches: u32,
-    /// By what it was of the body before: a guess that holds, or none does.
+    /// Which guess holds, or that none does: one model for each outcome of the body before.
     holds: [Adaptive<{ GUESSES + 1 }>; GUESSES + 1],
     guess: Adaptive<GUESSES>,
     sleeps: [Adaptive<2>; 2],
@@ -76,17 +76,17 @@ pub(super) struct Models {
     epoch: Number,
     is_left_out: Adaptive<2>,
     left_out: Adaptive<4>,
-    /// Differences from what was predicted.
+    /// The models of differences from what was predicted: place, turn, velocity and spin.
     errors: [Triple; 4],
-    /// Numbers of bodies of which nothing was known.
+    /// The models of numbers of bodies of which nothing was known: place, turn, velocity and spin.
     wholes: [Triple; 4],
-    /// What the body before was: a guess that holds, or none does.
+    /// The outcome of the body before: the guess that held, or that none did.
     before: usize,
-    /// Whether a guess stands only for a body that is just so, and not for one that is within a step or so.
+    /// Whether a guess holds only for a body that equals it, and not for one within a step or so.
     is_exact: bool,
 }
 
-/// The models of a single number: how many bits its magnitude has, its sign, and the bit below the highest.
+/// The models of a single number: of its width in bits, its sign, and the bit below the highest.
 #[derive(Clone, Debug)]
 pub(super) struct Number {
     width: Adaptive<{ WIDE + 1 }>,
@@ -94,7 +94,8 @@ pub(super) struct Number {
     second: [Adaptive<2>; RARE + 1],
 }
 
-/// The models of three numbers that are about as large as each other: how many bits the largest has, and the highest two of each.
+/// The models of three numbers of about the same size: of the width in bits of the largest, and of the
+/// highest two bits of each.
 #[derive(Clone, Debug)]
 pub(super) struct Triple {
     width: [Adaptive<{ WIDE + 1 }>; CONTEXTS],
@@ -102,7 +103,7 @@ pub(super) struct Triple {
 }
 
 impl Number {
-    /// Returns the models of numbers of about so many bits.
+    /// Returns the models of numbers of about `usual` bits.
     pub(super) fn new(usual: usize) -> Self {
         let second = std::array::from_fn(|_| Adaptive::new());
         Self { width: Adaptive::about(usual), sign: Adaptive::new(), second }
@@ -110,7 +111,7 @@ impl Number {
 }
 
 impl Triple {
-    /// Returns the models of numbers of about so many bits.
+    /// Returns the models of numbers of about `usual` bits in each context.
     fn new(usual: impl Fn(usize) -> usize) -> Self {
         Self {
             width: std::array::from_fn(|context| Adaptive::about(usual(context))),
@@ -120,13 +121,13 @@ impl Triple {
 }
 
 impl Models {
-    /// Returns those that a datagram begins with.
+    /// Returns the models that a datagram begins with.
     pub(super) fn new() -> Self {
         static FIRST: LazyLock<Models> = LazyLock::new(Models::first);
         FIRST.clone()
     }
 
-    /// Returns those of an end that is told each number exactly.
+    /// Returns the models for an end that is told each number exactly.
     pub(super) fn exact() -> Self {
         Self { is_exact: true, ..Self::new() }
     }
@@ -153,7 +154,7 @@ impl Models {
         }
     }
 
-    /// Codes which body follows another.
+    /// Codes the id of a body that follows another.
     pub(super) fn id<C: Coder>(
         &mut self,
         coder: &mut C,
@@ -166,7 +167,8 @@ impl Models {
         Ok(BodyId::from_bits(before.bits().wrapping_add(gap as u64)))
     }
 
-    /// Codes how many batches ago that was which a body is told against; 0: against nothing.
+    /// Codes how many batches ago the state was that a body is told against; 0 for a body that is told
+    /// against nothing.
     pub(super) fn batches<C: Coder>(&mut self, coder: &mut C, batches: u32) -> Result<u32, CodecError> {
         coder.field(Field::Reference);
         if coder.symbol(&mut self.is_told_against, usize::from(batches > 0))? == 0 {
@@ -179,7 +181,8 @@ impl Models {
         Ok(self.usual_batches)
     }
 
-    /// Codes a body that is told against what an earlier state of it leads to expect, by each guess; returns it as read, or as it is told.
+    /// Codes a body against the guesses of what became of an earlier state of it. Returns the body as the
+    /// reader gets it.
     pub(super) fn changed<C: Coder>(
         &mut self,
         coder: &mut C,
@@ -226,7 +229,7 @@ impl Models {
         Ok(read)
     }
 
-    /// Codes a body of which the reader knows nothing, after another one in the datagram.
+    /// Codes a body of which the reader knows nothing, relative to the body before it in the datagram.
     pub(super) fn whole<C: Coder>(
         &mut self,
         coder: &mut C,
@@ -254,7 +257,7 @@ impl Models {
         Ok(read)
     }
 
-    /// Codes what rarely changes.
+    /// Codes what rarely changes: whether the body sleeps, its owner and its epoch.
     fn owner<C: Coder>(
         &mut self,
         coder: &mut C,
@@ -305,22 +308,23 @@ fn narrow<T: TryFrom<i64> + Copy + Default>(numbers: [i64; 3]) -> Result<[T; 3],
     Ok(narrow)
 }
 
-/// Writes or reads symbols.
+/// A writer or a reader of symbols. Each method writes the value that it is given, or ignores it and reads
+/// another; it returns the value that was coded.
 pub(super) trait Coder {
-    /// Whether it writes.
+    /// Whether this is a writer.
     const WRITES: bool;
 
-    /// What follows is of this field.
+    /// Notes that what follows belongs to this field.
     fn field(&mut self, field: Field);
 
-    /// Codes a symbol: writes this one, or reads another.
+    /// Codes a symbol.
     fn symbol<const N: usize>(&mut self, model: &mut Adaptive<N>, symbol: usize)
     -> Result<usize, CodecError>;
 
-    /// Codes so many bits, [`Bits::MOST`] at most, that no model knows anything about.
+    /// Codes `count` bits, at most [`Bits::MOST`], without a model.
     fn bits(&mut self, count: u32, bits: u64) -> Result<u64, CodecError>;
 
-    /// Codes bits that no model knows anything about.
+    /// Codes any number of bits without a model.
     fn many_bits(&mut self, mut left: u32, bits: u64) -> Result<u64, CodecError> {
         let mut read = 0;
         while left > 0 {
@@ -331,7 +335,7 @@ pub(super) trait Coder {
         Ok(read)
     }
 
-    /// Codes how many bits a number has.
+    /// Codes the width of a number in bits.
     fn width(&mut self, model: &mut Adaptive<{ WIDE + 1 }>, width: usize) -> Result<usize, CodecError> {
         let symbol = self.symbol(model, width.min(WIDE))?;
         if symbol < WIDE {
@@ -360,7 +364,8 @@ pub(super) trait Coder {
         Ok(if negative { read.wrapping_neg() } else { read })
     }
 
-    /// Codes three numbers: the width of the largest, and of each its highest bits, the others, and its sign.
+    /// Codes three numbers: the width of the largest, and of each number its highest two bits, the others,
+    /// and its sign.
     fn triple(
         &mut self,
         models: &mut Triple,
@@ -389,12 +394,12 @@ pub(super) trait Coder {
     }
 }
 
-/// Returns how many bits a magnitude has.
+/// Returns the width of a magnitude in bits.
 fn width(magnitude: u64) -> usize {
     (u64::BITS - magnitude.leading_zeros()) as usize
 }
 
-/// Writes the states of a datagram.
+/// A writer of the states of a datagram.
 pub(super) struct Writer(DefaultRangeEncoder);
 
 impl Writer {
@@ -436,7 +441,7 @@ impl Coder for Writer {
     }
 }
 
-/// Reads the states of a datagram, and counts the bits of each field.
+/// A reader of the states of a datagram, which counts the bits of each field.
 pub(super) struct Reader {
     decoder: DefaultRangeDecoder,
     field: usize,

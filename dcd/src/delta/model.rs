@@ -1,17 +1,17 @@
-//! Adapts the probabilities of symbols to those seen: cumulative frequencies that move a part of the way towards each symbol
-//! (Giesen, "Mixing discrete probability distributions", 2015), the first ones farther.
+//! Adapts the probabilities of symbols to those seen. Cumulative frequencies move a part of the way towards
+//! each symbol (Giesen, "Mixing discrete probability distributions", 2015), farther for the first symbols.
 
 use std::borrow::Borrow;
 use std::num::NonZeroU16;
 
 use constriction::stream::model::{DecoderModel, EncoderModel, EntropyModel};
 
-/// Probabilities are numbers of this many bits.
+/// The number of bits of a probability.
 pub(super) const PRECISION: usize = 15;
 
 const ONE: u16 = 1 << PRECISION;
 
-/// After the first symbols a model moves by 1/2^5 towards each.
+/// The exponent of the smallest move: after the first symbols a model moves by 1/2^5 towards each.
 const SLOWEST: u32 = 5;
 
 /// A model of one of `N` symbols, 0 to `N` - 1.
@@ -27,7 +27,8 @@ impl<const N: usize> Adaptive<N> {
         Self { below: std::array::from_fn(|i| (i * usize::from(ONE) / N) as u16), seen: 0 }
     }
 
-    /// Returns a model that expects symbols about this one: each farther one half as often, but for a rest.
+    /// Returns a model that expects symbols near `usual`: each step farther away half as often, down to a
+    /// small rest.
     pub(super) fn about(usual: usize) -> Self {
         let weight = |symbol: usize| 1 << 9 >> symbol.abs_diff(usual).min(8);
         let all: usize = (0..N).map(weight).sum();
@@ -45,12 +46,12 @@ impl<const N: usize> Adaptive<N> {
         PRECISION as f64 - f64::from(self.share(symbol).get()).log2()
     }
 
-    /// Makes a symbol that has come more probable, and the others less so; none becomes impossible.
+    /// Makes a symbol that has come more probable, and the others less so. None becomes impossible.
     pub(super) fn see(&mut self, symbol: usize) {
         let rate = (1 + self.seen / 2).min(SLOWEST);
         self.seen += 1;
         for (i, below) in self.below.iter_mut().enumerate().skip(1) {
-            // One of the symbols has all but the least probabilities of the others.
+            // The goal: all probability for the symbol, except the least that each other one keeps.
             let goal = if i <= symbol { i as i32 } else { i32::from(ONE) - (N - i) as i32 };
             *below = (i32::from(*below) + ((goal - i32::from(*below)) >> rate)) as u16;
         }
@@ -84,14 +85,14 @@ impl<const N: usize> DecoderModel<PRECISION> for Adaptive<N> {
     }
 }
 
-/// A model of so many bits, all equally probable.
+/// A model of `count` bits, whose values are all equally probable.
 #[derive(Clone, Copy)]
 pub(super) struct Bits {
     pub count: u32,
 }
 
 impl Bits {
-    /// The most bits at a time.
+    /// The most bits that are coded at a time.
     pub(super) const MOST: u32 = 12;
 
     fn step(self) -> u32 {

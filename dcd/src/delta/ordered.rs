@@ -1,6 +1,9 @@
-//! Writes states for an end that gets all of them, in order (a relay): each body against its state before, so that nothing need be acknowledged.
-//! Numbers are told exactly as they are on the grid, and the end knows which component of a rotation was left out: when it tells clients of
-//! the state, it comes to the same numbers, and so adds no error to what a client is told directly.
+//! Writes states for an end that gets all of them in order (a relay): each body against its state before, so
+//! that nothing need be acknowledged.
+//!
+//! Numbers are told exactly as they are on the grid, and the relay knows which component of a rotation was
+//! left out. So it comes to the same numbers when it tells clients of the state, and adds no error to what a
+//! client is told directly.
 
 use std::collections::BTreeMap;
 
@@ -10,21 +13,22 @@ use super::quantise::Quantised;
 use crate::protocol::{Check, CodecError, SharedState};
 use crate::space::{BodyId, Tick};
 
-/// The most bodies of a part, and its bytes after which no other body follows: who reads a part never holds more of it at once.
+/// The most bodies of a part, and the number of bytes after which no other body follows. So a reader never
+/// holds more of a part at once.
 const MOST_BODIES: usize = 4_096;
 const MOST_BYTES: usize = 64 << 10;
 
-/// The most bodies of which an end hears: each takes some 200 bytes there.
+/// The most bodies that a receiver keeps; each takes some 200 bytes there.
 const MOST_KNOWN: usize = 1 << 22;
 
-/// What a body was told to be.
+/// The state that a body was told to have, with its tick.
 #[derive(Clone, Copy, Debug)]
 struct Version {
     tick: u64,
     state: Quantised,
 }
 
-/// What both ends of the link know.
+/// The knowledge that both ends of the link share.
 #[derive(Clone, Debug)]
 struct Known {
     motion: FreeMotion,
@@ -32,30 +36,30 @@ struct Known {
     bodies: BTreeMap<BodyId, Version>,
 }
 
-/// The models of a link: they go on from part to part.
+/// The models of a link, which continue from part to part.
 #[derive(Clone, Debug)]
 struct OrderedModels {
     states: Models,
-    /// By how many ticks a state is older than the one before it in the part.
+    /// The model of how many ticks a state is older than the one before it in the part.
     older: Number,
 }
 
-/// The end that writes. Time is counted in ticks of the world.
+/// The writing end of the link. Time is counted in ticks of the world.
 #[derive(Clone, Debug)]
 pub(crate) struct OrderedSender(Known);
 
-/// The end that reads. After an error it knows no more what later parts mean.
+/// The reading end of the link. After an error it can no longer read later parts.
 #[derive(Clone, Debug)]
 pub(crate) struct OrderedReceiver(Known);
 
 impl OrderedSender {
-    /// Returns one whose other end knows nothing.
+    /// Returns a sender whose other end knows nothing.
     pub(crate) fn new(motion: FreeMotion) -> Self {
         Self(Known::new(motion))
     }
 
-    /// Writes states, in id order, each as it was after a tick, into as few parts as may be, to be read in order; into one that is empty if
-    /// there are none. `now` is the newest tick.
+    /// Writes states, in id order, each as it was after its tick, into as few parts as possible, which must
+    /// be read in order; without states, into one empty part. `now` is the newest tick.
     pub(crate) fn write(&mut self, now: Tick, states: &[(Tick, SharedState)]) -> Vec<Vec<u8>> {
         let mut states = states.iter().peekable();
         let mut parts = Vec::new();
@@ -70,7 +74,8 @@ impl OrderedSender {
         parts
     }
 
-    /// Writes guesses of a tick, in id order, which no later part refers to: the first of them, as many as fit one part.
+    /// Writes guesses of a tick, in id order: the first of them, as many as fit into one part. No later part
+    /// refers to them.
     pub(crate) fn write_guesses(&self, tick: Tick, states: impl Iterator<Item = SharedState>) -> Vec<u8> {
         let (mut part, mut models) = (PartWriter::new(tick), self.0.models.clone());
         for state in states {
@@ -89,12 +94,12 @@ impl OrderedSender {
 }
 
 impl OrderedReceiver {
-    /// Returns one that knows nothing.
+    /// Returns a receiver that knows nothing.
     pub(crate) fn new(motion: FreeMotion) -> Self {
         Self(Known::new(motion))
     }
 
-    /// Reads the states of a part that was written in this tick, each with its own tick.
+    /// Reads the states of a part that was written in the tick `now`, each with its own tick.
     pub(crate) fn read(&mut self, now: Tick, part: &[u8]) -> Result<Vec<(Tick, SharedState)>, CodecError> {
         let Known { motion, models, bodies } = &mut self.0;
         let read = read(motion, models, bodies, now, part)?;
@@ -106,14 +111,14 @@ impl OrderedReceiver {
         Ok(read.into_iter().map(|(_, version, state)| (Tick(version.tick), state)).collect())
     }
 
-    /// Reads guesses, and keeps none.
+    /// Reads guesses, and keeps none of them.
     pub(crate) fn read_guesses(&self, tick: Tick, part: &[u8]) -> Result<Vec<SharedState>, CodecError> {
         let Known { motion, models, bodies } = &self.0;
         let read = read(motion, &mut models.clone(), bodies, tick, part)?;
         Ok(read.into_iter().map(|(.., state)| state).collect())
     }
 
-    /// Returns which component was left out of the rotation of a body's newest state.
+    /// Returns which component was left out of the rotation in a body's newest state.
     pub(crate) fn left_out(&self, id: BodyId) -> Option<u8> {
         self.0.bodies.get(&id).map(|version| version.state.left_out)
     }
@@ -137,7 +142,7 @@ struct PartWriter {
     count: u16,
     id: BodyId,
     before: Quantised,
-    /// The tick of the body before; at first that in which the part is written.
+    /// The tick of the body before; at first the tick in which the part is written.
     tick: u64,
 }
 
@@ -192,7 +197,7 @@ impl PartWriter {
     }
 }
 
-/// Reads a part, of which the caller keeps what is to be kept.
+/// Reads a part. The caller keeps what is to be kept.
 fn read(
     motion: &FreeMotion,
     models: &mut OrderedModels,
@@ -250,7 +255,7 @@ mod tests {
         2.0 * random.unit() - 1.0
     }
 
-    /// Returns bodies that turn about any axis, some of them fast, far away, or asleep.
+    /// Returns bodies that are turned about any axis, some of them fast, far away, or asleep.
     fn bodies(count: u32, random: &mut Random) -> Vec<(Tick, SharedState)> {
         let state = |index: u32| {
             let size = 10.0_f64.powi(random.below(9) as i32 - 2);
@@ -268,14 +273,14 @@ mod tests {
         (0..count).map(state).map(|state| (Tick(7), state)).collect()
     }
 
-    /// A relay tells clients what it has read: quantised once more, that is the same.
+    /// A relay tells clients what it has read, so quantising that again must give the same numbers.
     #[test]
     fn what_was_read_is_quantised_to_the_same_numbers() {
         let mut random = Random::new(3);
         let (mut sender, mut receiver) = ends();
         for tick in 7..40 {
             let mut states = bodies(300, &mut random);
-            // Some stay as they are, and some are as they were a while ago.
+            // Some stay as they are, and some are told as they were a while ago.
             states.retain(|_| random.below(3) > 0);
             states.iter_mut().for_each(|(of, _)| *of = Tick(tick - random.below(2) * random.below(4)));
             for part in sender.write(Tick(tick), &states) {
@@ -316,7 +321,7 @@ mod tests {
         }
     }
 
-    /// Changes what was written at random; returns how much could be read all the same.
+    /// Changes written parts at random. Some must still be read, and all others refused.
     #[test]
     fn bytes_of_strangers_are_states_or_an_error() {
         let mut random = Random::new(5);

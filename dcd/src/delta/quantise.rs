@@ -1,4 +1,4 @@
-//! Quantises the state of a body to whole numbers, and turns them back into a state.
+//! Quantises the state of a body to whole numbers, and turns these back into a state.
 
 use crate::protocol::{Check, CodecError, SharedState, Velocity, WorldPose};
 use crate::space::{BodyId, Epoch, RegionId};
@@ -9,30 +9,33 @@ const PLACE: f64 = 2048.0;
 const VELOCITY: f64 = 512.0;
 /// Steps per rad/s.
 const SPIN: f64 = 256.0;
-/// No speed is told that is higher, in steps: a million m/s.
+/// The highest speed that is told, in steps: a million m/s.
 const FASTEST: f64 = (1 << 29) as f64;
-/// Steps from 0 to the largest that a component of a unit quaternion can be without being the largest, 1/√2.
+/// Steps from 0 to 1/√2, the most that a component of a unit quaternion can be without being the largest.
 const TURN: f64 = 2047.0;
-/// The least that the component left out may be for which another would do.
+/// The size down to which the component that was left out before is still left out, though another may be
+/// larger.
 const LEAST_LEFT_OUT: f64 = 0.5;
 
-/// The same for a state that comes from this grid, of which the component left out is known: it is computed from the others, and may have become
-/// a little smaller.
+/// The same for a state that comes from this grid, with the component that was left out of it: that one is
+/// computed from the others, and may have become a little smaller.
 const STILL_LEFT_OUT: f64 = 0.45;
 
-/// The most steps by which a state that is told as predicted may differ from what it is, in place and turn, and in velocity and spin.
+/// The most steps by which a state that is told as predicted may differ from the real one: in place and turn,
+/// and in velocity and spin.
 const NEAR: (i64, i64) = (1, 2);
 
 /// A rotation as a unit quaternion x, y, z, w.
 pub(super) type Rotation = [f64; 4];
 
-/// A body's state in whole numbers.
+/// The state of a body in whole numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Quantised {
     pub owner: u32,
     pub epoch: u64,
     pub place: [i64; 3],
-    /// Which component of the rotation is left out: the largest, or one that was; the others follow in order ("smallest three").
+    /// The component of the rotation that is left out: the largest, or one that was the largest. The others
+    /// follow in order ("smallest three").
     pub left_out: u8,
     pub turn: [i16; 3],
     pub velocity: [i32; 3],
@@ -41,12 +44,14 @@ pub(super) struct Quantised {
 }
 
 impl Quantised {
-    /// Quantises a state. The component of the rotation that was left out before still is, if that does.
+    /// Quantises a state. The component of the rotation that was left out before is left out again, if it is
+    /// large enough.
     pub(super) fn of(state: &SharedState, left_out: Option<u8>) -> Self {
         Self::leaving_out(state, left_out, LEAST_LEFT_OUT)
     }
 
-    /// Quantises once more a state that comes from this grid, where this component was left out of the rotation: to the same numbers.
+    /// Quantises again a state that comes from this grid, to the same numbers. `left_out` is the component
+    /// that was left out of its rotation.
     pub(super) fn again(state: &SharedState, left_out: u8) -> Self {
         Self::leaving_out(state, Some(left_out), STILL_LEFT_OUT)
     }
@@ -95,7 +100,7 @@ impl Quantised {
         self.velocity = steps(velocity, VELOCITY);
     }
 
-    /// Sets the rotation; what was left out of it still is, if that does.
+    /// Sets the rotation. The component that was left out before is left out again, if it is large enough.
     pub(super) fn set_rotation(&mut self, rotation: Rotation) {
         self.set_rotation_leaving_out(rotation, Some(self.left_out), LEAST_LEFT_OUT);
     }
@@ -105,7 +110,8 @@ impl Quantised {
         let does = |i: &usize| *i < 4 && size(*i) >= least;
         let largest = || (1..4).fold(0, |best, i| if size(i) > size(best) { i } else { best });
         let left_out = left_out.map(usize::from).filter(does).unwrap_or_else(largest);
-        // A quaternion and its negative are the same rotation: the component left out is positive.
+        // A quaternion and its negative are the same rotation, so the component left out can be made
+        // positive.
         let sign = if rotation[left_out] < 0.0 { -1.0 } else { 1.0 };
         let step = |v: f64| (sign * v * std::f64::consts::SQRT_2 * TURN).round() as i16;
         let mut others = (0..4).filter(|&i| i != left_out).map(|i| step(rotation[i]));
@@ -113,7 +119,7 @@ impl Quantised {
         self.left_out = left_out as u8;
     }
 
-    /// Returns whether a state that was predicted stands for this one: no number is more than a step or two off.
+    /// Returns whether a predicted state may stand for this one: no number is off by more than [`NEAR`].
     pub(super) fn is_near(&self, predicted: &Self) -> bool {
         let facts = |state: &Self| (state.owner, state.epoch, state.left_out, state.sleeping);
         facts(self) == facts(predicted)
@@ -126,7 +132,7 @@ impl Quantised {
             })
     }
 
-    /// Returns the state; an error if the numbers are of no state.
+    /// Returns the state, or an error if the numbers are of no valid state.
     pub(super) fn state(&self, id: BodyId) -> Result<SharedState, CodecError> {
         let state = SharedState {
             id,

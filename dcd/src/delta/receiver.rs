@@ -1,4 +1,5 @@
-//! Reads the states of bodies that a [`Sender`](super::Sender) wrote, and acknowledges what has come.
+//! Reads the states of bodies that a [`Sender`](super::Sender) wrote, and acknowledges the datagrams that
+//! have come.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -10,41 +11,44 @@ use super::sender::MAX_BODIES;
 use crate::protocol::{CodecError, Heard, MAX_HEARD, Part, SharedState};
 use crate::space::{BodyId, Tick};
 
-/// The time for which an acknowledgement waits for more datagrams that it could name.
+/// How long an acknowledgement waits for more datagrams that it could name.
 const GATHER: Duration = Duration::from_millis(10);
 
-/// The most states of a body that are kept: more than a sender refers to.
+/// The most states of a body that are kept; a sender refers to fewer.
 const KEPT: usize = 64;
 
-/// A body's states before one that was referred to are kept for as many batches more: datagrams overtake one another.
+/// The number of batches for which a body's states are kept once a newer state was referred to, since
+/// datagrams overtake one another.
 const OVERTAKEN: u32 = 16;
 
-/// The ticks after which nothing refers any more to a body that is gone.
+/// The ticks after which nothing refers to a body that is gone any more.
 const FORGOTTEN_TICKS: u64 = 600;
 
-/// The end of one leader's link at which states arrive.
+/// The receiving end of one leader's states.
 #[derive(Clone, Debug, Default)]
 pub struct Receiver {
     motion: Option<FreeMotion>,
     series: Option<u32>,
     bodies: BTreeMap<BodyId, Known>,
-    /// Bodies that are gone, and the newest ticks heard of then; those of them that have come back since are not in `gone`.
+    /// The bodies that are gone, with the newest tick heard of then. Those of them that have come back since
+    /// are not in `gone`.
     going: VecDeque<(u64, BodyId)>,
     gone: BTreeMap<BodyId, u64>,
-    /// Datagrams that have come and are not acknowledged: the first of so many each.
+    /// The datagrams that have come and are not acknowledged yet, as runs: the first number, and how many.
     come: Vec<(u32, u32)>,
     due: Option<Duration>,
     lost: bool,
-    /// The newest batch and tick that could be read.
+    /// The newest batch that could be read, and its tick.
     newest: Option<(u32, u64)>,
     tally: Tally,
 }
 
-/// What was told of a body.
+/// The states that were told of a body.
 #[derive(Clone, Debug, Default)]
 struct Known {
     versions: VecDeque<Version>,
-    /// A batch that was referred to, and the one that did: what is older is soon forgotten.
+    /// A batch that was referred to, and the batch that did so. States older than the first are soon
+    /// forgotten.
     referred: Option<(u32, u32)>,
     bits: f64,
 }
@@ -59,49 +63,49 @@ struct Version {
 /// A state that came in a datagram.
 struct Read {
     state: SharedState,
-    /// The batch that it was told against; its own: against nothing.
+    /// The batch that it was told against; its own batch if it was told against nothing.
     reference: u32,
     quantised: Quantised,
     bits: f64,
 }
 
-/// What states have cost so far.
+/// The cost of states so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Datagrams of states.
+    /// The number of datagrams of states.
     pub datagrams: u64,
-    /// States of bodies in them.
+    /// The number of states of bodies in them.
     pub states: u64,
-    /// Of which this many were told without anything to tell them against.
+    /// How many of these were told against nothing.
     pub wholes: u64,
-    /// Of which this many were as predicted.
+    /// How many of these were as predicted.
     pub predicted: u64,
-    /// The bits of each [`Field`], in order.
+    /// The bits spent on each [`Field`], in order.
     pub bits: [f64; Field::ALL.len()],
 }
 
 impl Receiver {
-    /// Says how bodies move freely in the world of which states come.
+    /// Sets how bodies move freely in the world whose states come. A change resets the receiver.
     pub fn set_motion(&mut self, motion: FreeMotion) {
         if self.motion.replace(motion) != Some(motion) {
             self.reset();
         }
     }
 
-    /// Forgets what it was told: another leader has other series.
+    /// Forgets everything that was told, since another leader has other series.
     pub fn reset(&mut self) {
         let (motion, tally) = (self.motion, self.tally);
         *self = Self { motion, tally, ..Self::default() };
     }
 
-    /// Forgets a body that is gone, some time later: states that were sent before may be on their way.
+    /// Forgets a body that is gone, after some time: states that were sent before may still be on their way.
     pub fn forget(&mut self, id: BodyId) {
         let tick = self.newest.map_or(0, |(_, tick)| tick);
         self.going.push_back((tick, id));
         self.gone.insert(id, tick);
     }
 
-    /// Goes on with a body that appears, perhaps again.
+    /// Keeps a body that appears, perhaps again.
     pub fn remember(&mut self, id: BodyId) {
         self.gone.remove(&id);
     }
@@ -118,7 +122,7 @@ impl Receiver {
         }
     }
 
-    /// Returns the series that it reads.
+    /// Returns the series that is being read.
     pub(crate) fn series(&self) -> Option<u32> {
         self.series
     }
@@ -128,7 +132,8 @@ impl Receiver {
         &self.tally
     }
 
-    /// Returns the bytes that states of bodies took which are not gone, the costliest bodies first.
+    /// Returns the bytes that the states of bodies took, the costliest bodies first, without bodies that are
+    /// gone.
     pub fn costliest(&self, count: usize) -> Vec<(BodyId, f64)> {
         let mut bodies: Vec<_> = self.bodies.iter().map(|(id, known)| (*id, known.bits / 8.0)).collect();
         bodies.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -136,7 +141,8 @@ impl Receiver {
         bodies
     }
 
-    /// Reads the states of a datagram, as they were after a tick; none, if it is one of an earlier series. Guesses are not kept.
+    /// Reads the states of a datagram, as they were after a tick. Returns none if the datagram is of an
+    /// earlier series. Guesses are not kept.
     pub fn take_in(
         &mut self,
         now: Duration,
@@ -155,7 +161,7 @@ impl Receiver {
         }
         let read = self.read(&motion, tick, part);
         match &read {
-            // What was overtaken by long may refer to what is forgotten.
+            // A datagram that was overtaken long ago may refer to what is forgotten.
             Err(_) if self.newest.is_some_and(|(batch, _)| part.batch.wrapping_sub(batch) as i32 <= 0) => {}
             Err(_) => {
                 self.lost = true;
@@ -217,7 +223,7 @@ impl Receiver {
         Ok(states)
     }
 
-    /// Keeps states that later ones may refer to, and no longer those before what these referred to.
+    /// Keeps states that later ones may refer to, and forgets those that are older than what these refer to.
     fn keep(&mut self, tick: Tick, batch: u32, states: &[Read]) {
         for read @ Read { state, reference, quantised, .. } in states {
             let Known { versions, referred, bits } = self.bodies.entry(state.id).or_default();
@@ -228,7 +234,7 @@ impl Receiver {
                     versions.retain(|version| later(version.batch, floor) >= 0);
                     *referred = (*reference != batch).then_some((*reference, batch));
                 }
-                // What is told against nothing says nothing of what is acknowledged.
+                // A state that is told against nothing says nothing of what is acknowledged.
                 None if *reference != batch => *referred = Some((*reference, batch)),
                 _ => {}
             }
@@ -249,7 +255,7 @@ impl Receiver {
         }
     }
 
-    /// Acknowledges now what has come, perhaps nothing, if there is whom to say so.
+    /// Makes an acknowledgement due now, perhaps an empty one, if there is a sender to acknowledge to.
     pub fn speak(&mut self, now: Duration) {
         self.due = self.series.map(|_| now);
     }

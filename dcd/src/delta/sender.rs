@@ -1,4 +1,4 @@
-//! Writes the states of bodies for one client, against those that it has acknowledged.
+//! Writes the states of bodies for one client, against the states that it has acknowledged.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -8,64 +8,67 @@ use super::quantise::Quantised;
 use crate::protocol::{Heard, Part, SharedState};
 use crate::space::{BodyId, Tick};
 
-/// No datagram has more bodies, however few bits they take.
+/// The most bodies in a datagram, however few bits they take.
 pub(super) const MAX_BODIES: usize = 1_024;
 
-/// The most bytes of one body's code: all numbers at their longest, under models that expect something else.
+/// The most bytes that the code of one body takes: all numbers at their longest, under models that expect
+/// something else.
 const LONGEST_BYTES: usize = 180;
 
-/// The bytes of the count, and of the coder's last words.
+/// The bytes of the count and of the coder's last words.
 const FRAME_BYTES: usize = 2 + 8;
 
-/// Datagrams of which is known whether they were acknowledged. What was sent before them is taken for lost.
+/// The number of datagrams of which it is known whether they were acknowledged. Older ones are taken for
+/// lost.
 const REMEMBERED: usize = 2_048;
 
-/// Datagrams to a client that was given up whose acknowledgements still count: those of many seconds, since it is told little.
+/// The number of datagrams to a client that was given up whose acknowledgements still count: those of many
+/// seconds, since it is told little.
 const PROBES: usize = 64;
 
-/// States of a body that are kept while they wait to be acknowledged: its newest, and some before it. Others are told too, but none
-/// is told against them.
+/// The most states of a body that are kept while they wait to be acknowledged: the newest, and some before
+/// it. Other states are told too, but none is told against them.
 const KEPT: usize = 4;
 
-/// The datagrams that acknowledgements may name per tick, beside some that were saved up, and what a message counts as beside those:
-/// many times what an honest client says.
+/// The number of datagrams that acknowledgements may name per tick, besides some that were saved up, and what
+/// each message counts besides those: many times what an honest client says.
 const HEARD_PER_TICK: usize = 256;
 const HEARD_COST: usize = 16;
 
-/// The ticks that a state which nothing newer follows waits to be acknowledged, before it is sent again: at least these, and twice
-/// as many as acknowledgements took.
+/// The ticks for which a body's newest state waits to be acknowledged before it is sent again: at least this
+/// many, and twice as many as acknowledgements took.
 const PATIENCE_TICKS: f64 = 6.0;
 
-/// How often what waits to be acknowledged is looked through, ticks.
+/// The interval at which what waits to be acknowledged is looked through, ticks.
 const LOOK_TICKS: u64 = 3;
 
-/// What was told is not given up sooner after it began, ticks.
+/// The ticks for which a sender that began anew does not begin anew again.
 const RESTART_TICKS: u64 = 30;
 
-/// The most series that a sender begins; the next one's begin where these end.
+/// The number of series that a sender has. Those of the next sender begin where these end.
 pub(crate) const RESTARTS: u32 = 64;
 
-/// One client's sender. Time is counted in ticks of the world.
+/// The sender for one client. Time is counted in ticks of the world.
 #[derive(Clone, Debug)]
 pub struct Sender {
     motion: FreeMotion,
     series: u32,
     batch: u32,
-    /// Of the next datagram.
+    /// The number of the next datagram.
     number: u32,
     /// The newest datagrams, up to the one before the next.
     flights: VecDeque<Flight>,
     bodies: BTreeMap<BodyId, History>,
-    /// Bodies whose newest state is not acknowledged, and when these are looked through next.
+    /// The bodies whose newest state is not acknowledged, and the tick at which they are looked through next.
     unheard: BTreeSet<BodyId>,
     look_at: u64,
-    /// What acknowledgements take, ticks; `None` before the first.
+    /// How long acknowledgements take, ticks; `None` before the first.
     delay_ticks: Option<f64>,
-    /// How many datagrams acknowledgements may name by now, and the tick at which that was so.
+    /// How many datagrams acknowledgements may name, and the tick for which that holds.
     allowed: (usize, u64),
     /// Whether anything was sent since the client last acknowledged anything new.
     waits: bool,
-    /// When it last began to refer to nothing before.
+    /// The tick at which it last began anew, referring to nothing told before.
     began: u64,
 }
 
@@ -78,9 +81,9 @@ struct Flight {
 /// The states of a body that a client may have.
 #[derive(Clone, Debug, Default)]
 struct History {
-    /// The newest that it has.
+    /// The newest state that the client is known to have.
     known: Option<Version>,
-    /// Later ones, the last of them the newest; at most [`KEPT`].
+    /// Later states, the newest last; at most [`KEPT`].
     sent: Vec<Version>,
 }
 
@@ -90,13 +93,14 @@ struct Version {
     number: u32,
     tick: u64,
     state: Quantised,
-    /// Whether it is shown falling from there.
+    /// Whether the client shows the body falling from there.
     falls: bool,
 }
 
 impl History {
-    /// Keeps the newest state. Of those before it as many stay as are spread over the time that an acknowledgement takes: the oldest is
-    /// acknowledged first, and until then the rest would only fill memory.
+    /// Keeps the newest state. As many of those before it stay as are spread over the time that an
+    /// acknowledgement takes: the oldest is acknowledged first, and until then the others would only fill
+    /// memory.
     fn keep(&mut self, newest: Version, delay_ticks: f64, is_lost: impl Fn(&Version) -> bool) {
         while self.sent.first().is_some_and(&is_lost) {
             self.sent.remove(0);
@@ -111,7 +115,7 @@ impl History {
         self.sent.push(newest);
     }
 
-    /// Returns whether the newest state is acknowledged.
+    /// Applies acknowledgements. Returns whether the newest state is acknowledged.
     fn settle(&mut self, flights: &Flights<'_>) -> bool {
         if let Some(at) = self.sent.iter().rposition(|version| flights.is_heard(version.number)) {
             self.known = self.sent.drain(..=at).next_back();
@@ -120,14 +124,14 @@ impl History {
     }
 }
 
-/// The datagrams of which is known whether they were acknowledged.
+/// The datagrams of which it is known whether they were acknowledged.
 struct Flights<'a> {
     next: u32,
     flights: &'a VecDeque<Flight>,
 }
 
 impl Flights<'_> {
-    /// Returns when a datagram was sent; 0: long ago.
+    /// Returns when a datagram was sent; 0 if that was too long ago.
     fn sent_at(&self, number: u32) -> u64 {
         let before = self.next.wrapping_sub(number) as usize;
         self.flights
@@ -145,7 +149,7 @@ impl Flights<'_> {
 }
 
 impl Sender {
-    /// Returns one that knows nothing of its client. A later series has a higher number.
+    /// Returns a sender that knows nothing of its client. A later series has a higher number.
     pub fn new(motion: FreeMotion, series: u32) -> Self {
         Self {
             motion,
@@ -163,15 +167,16 @@ impl Sender {
         }
     }
 
-    /// Returns the number of its series.
+    /// Returns the number of the present series.
     pub fn series(&self) -> u32 {
         self.series
     }
 
-    /// Writes a batch of states of one tick, in id order, into as few parts as fit this many bytes each. Guesses are not referred to later.
+    /// Writes a batch of states of one tick, in id order, into as few parts of at most `limit` bytes as
+    /// possible. Later states do not refer to guesses.
     ///
     /// # Panics
-    /// When not even one body fits.
+    /// When `limit` is too small for one body.
     pub fn pack(
         &mut self,
         now: Tick,
@@ -183,8 +188,9 @@ impl Sender {
         self.pack_again(now, tick, states, guesses, limit, |_| None)
     }
 
-    /// Does the same with states of which some come from the same grid, as an [`OrderedReceiver`](super::OrderedReceiver) has read them:
-    /// `left_out` says of which body which component of the rotation was left out.
+    /// Does the same as [`Self::pack`] with states of which some come from the same grid, as an
+    /// [`OrderedReceiver`](super::OrderedReceiver) has read them. `left_out` returns which component of the
+    /// rotation was left out of such a body.
     pub(crate) fn pack_again(
         &mut self,
         now: Tick,
@@ -269,7 +275,7 @@ impl Sender {
         read
     }
 
-    /// Takes in what the client has acknowledged. Returns whether any of it is new.
+    /// Applies what the client has acknowledged. Returns whether any of it is new.
     pub fn hear(&mut self, now: Tick, heard: &Heard) -> bool {
         if heard.series != self.series {
             return false;
@@ -294,7 +300,8 @@ impl Sender {
         true
     }
 
-    /// Returns how many datagrams an acknowledgement may name now: what a flood names beyond counts as unheard, and costs nothing.
+    /// Returns how many datagrams an acknowledgement may name now. What a flood names beyond that counts as
+    /// unheard, and costs nothing.
     fn allowance(&mut self, now: Tick) -> usize {
         let (saved, since) = self.allowed;
         let ticks = usize::try_from(now.0.saturating_sub(since)).unwrap_or(usize::MAX);
@@ -304,8 +311,9 @@ impl Sender {
         allowed
     }
 
-    /// Refers to nothing that it has told before, for a client that does not understand what it is told, unless that was done only just: in another
-    /// series or, where there is none left, in the same one. Returns the bodies whose newest states the client may not have.
+    /// Begins anew, without reference to anything told before, for a client that does not understand what it
+    /// is told; does nothing if that was done only just. The sender goes on in another series, or in the same
+    /// one if none is left. Returns the bodies whose newest states the client may not have.
     pub fn restart(&mut self, now: Tick, series: u32) -> BTreeSet<BodyId> {
         let may = self.number > 0 && now.0 >= self.began + RESTART_TICKS;
         if series != self.series || !may {
@@ -322,12 +330,13 @@ impl Sender {
         again
     }
 
-    /// Returns the ticks after which an acknowledgement should have come.
+    /// Returns after how many ticks an acknowledgement should have come.
     fn patience(&self) -> u64 {
         PATIENCE_TICKS.max(2.0 * self.delay_ticks.unwrap_or(0.0)) as u64
     }
 
-    /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come, and had not.
+    /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come,
+    /// but has not.
     pub fn overdue(&mut self, now: Tick) -> Vec<BodyId> {
         if now.0 < self.look_at {
             return Vec::new();
@@ -359,16 +368,18 @@ impl Sender {
         self.waits
     }
 
-    /// Forgets all that the client was told, but not of which bodies it may not have the newest state: when it is back, it is told anew. The
-    /// newest datagrams stay known, since their acknowledgements say that it is.
+    /// Forgets everything that the client was told, except which bodies' newest states it may not have: these
+    /// are told anew when it is back. The newest datagrams stay known, since their acknowledgements say that
+    /// it is back.
     pub fn give_up(&mut self) {
         self.flights.drain(..self.flights.len().saturating_sub(PROBES));
         self.flights.shrink_to_fit();
         self.bodies = BTreeMap::new();
     }
 
-    /// Returns how far a body is from where its client shows it by now, metres, if it has what may still be on its way; and of which tick
-    /// that is. `None`: it was never told, or all that it was is lost.
+    /// Returns how far a body is from where its client shows it by now, metres, and the tick of the state
+    /// that the client has. What may still be on its way counts as arrived. `None` if the body was never
+    /// told, or everything told of it is lost.
     pub fn error_m(&self, now: Tick, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
         let history = self.bodies.get(&state.id)?;
         let flights = Flights { next: self.number, flights: &self.flights };
@@ -383,8 +394,9 @@ impl Sender {
         ))
     }
 
-    /// Returns the bytes that are held for the client: those of each body, by the capacities of what is held, and those of datagrams and of
-    /// lists of ids. What an ordered map or set takes beside its entries is not counted.
+    /// Returns the bytes that are held for the client: those of the bodies, by the capacities of what is
+    /// held, and those of datagrams and lists of ids. What ordered maps and sets take beside their entries is
+    /// not counted.
     #[cfg(test)]
     pub(crate) fn bytes(&self) -> (usize, usize) {
         let of = |history: &History| history.sent.capacity() * size_of::<Version>();

@@ -21,12 +21,12 @@ fn ends() -> (Sender, Receiver) {
     (Sender::new(motion, 1), receiver)
 }
 
-/// From -1 to 1.
+/// Returns a random number from -1 to 1.
 fn unit(random: &mut Random) -> f64 {
     2.0 * random.unit() - 1.0
 }
 
-/// Bodies as in a heap that is stirred: near each other, some asleep.
+/// Returns bodies as in a stirred heap: near each other, some asleep.
 fn heap(count: u32, random: &mut Random) -> Vec<SharedState> {
     (0..count)
         .map(|i| {
@@ -52,7 +52,7 @@ fn heap(count: u32, random: &mut Random) -> Vec<SharedState> {
         .collect()
 }
 
-/// Flies on as Rapier has it.
+/// Moves a body by one tick of free flight, as Rapier does.
 fn fly(state: &mut SharedState) {
     let StepRecord { gravity, dt_s, solver_iterations, .. } = step();
     let (dt, parts) = (f64::from(dt_s), f64::from(solver_iterations));
@@ -71,7 +71,7 @@ fn fly(state: &mut SharedState) {
     state.pose.rotation = [turned.i, turned.j, turned.k, turned.w].map(|v| v as f32);
 }
 
-/// How far what is told is from what is, as a share of what is promised.
+/// Returns the worst difference between the real state and the told one, as a share of what is promised.
 fn off(is: &SharedState, told: &SharedState) -> f64 {
     let facts = |state: &SharedState| (state.id, state.owner, state.epoch, state.sleeping);
     assert_eq!(facts(is), facts(told));
@@ -86,7 +86,7 @@ fn off(is: &SharedState, told: &SharedState) -> f64 {
     worst.max(2.0 * dot.abs().min(1.0).acos() / 0.004)
 }
 
-/// What a run over a network has cost, and how it went.
+/// The cost and the outcome of a run over a network.
 struct Outcome {
     bytes_per_state: f64,
     worst: f64,
@@ -95,7 +95,8 @@ struct Outcome {
     told: BTreeMap<BodyId, SharedState>,
 }
 
-/// Sends a batch every third tick, as leaders do, over a network that takes so many ticks each way, and loses and delays packets.
+/// Sends a batch every third tick, as leaders do, over a network that takes `delay` ticks each way, and loses
+/// and delays packets.
 fn send(
     ticks: u64,
     (delay, jitter, loss): (u64, u64, f64),
@@ -158,7 +159,7 @@ fn states_arrive_within_the_errors_that_are_promised_whatever_is_lost() {
         let bodies = heap(300, &mut Random::new(1));
         let outcome = send(400, network, bodies, |_, bodies, random| {
             for _ in 0..10 {
-                // Some hit something.
+                // Some bodies hit something.
                 let at = random.below(bodies.len() as u64) as usize;
                 if !bodies[at].sleeping {
                     bodies[at].velocity.linear = std::array::from_fn(|_| 5.0 * unit(random) as f32);
@@ -209,7 +210,8 @@ fn what_moves_freely_takes_two_bytes_and_what_is_stirred_a_quarter_of_its_bytes(
     assert!(free.bytes_per_state < 2.0 && stirred.bytes_per_state < 17.0);
 }
 
-/// Bodies are stirred; a relay is told of them, and a client by it. What the client has is within the errors that are promised of what is.
+/// Stirred bodies are told to a relay, and by it to a client. What the client has must be within the promised
+/// errors of the real states.
 #[test]
 fn a_client_of_a_relay_is_told_as_well_as_others_and_the_relay_in_few_bytes() {
     let motion = FreeMotion::of(&step());
@@ -252,7 +254,8 @@ fn a_client_of_a_relay_is_told_as_well_as_others_and_the_relay_in_few_bytes() {
     assert!(bytes < 8 * told, "{bytes} for {told}");
 }
 
-/// It reads nothing that it is told, time and again, as often as a view may last: it is told anew each time, and in the next turn too.
+/// The client reads nothing that it is told, time and again, as often as a view may last. It must be told
+/// anew each time, and also once the sender has used up its series.
 #[test]
 fn a_client_that_is_told_anew_more_often_than_a_turn_has_series_is_told_anew_still() {
     let (mut sender, mut receiver) = ends();
@@ -299,7 +302,7 @@ fn a_client_that_cannot_read_what_it_is_told_is_told_anew() {
     };
     assert_eq!(tell(&mut sender, &mut receiver, 101), (40, 0));
     assert_eq!(tell(&mut sender, &mut receiver, 102), (40, 0));
-    // Its process is another, with the same link.
+    // Another process is at the other end of the same link.
     receiver.reset();
     assert_eq!(tell(&mut sender, &mut receiver, 103), (0, 40));
     assert_eq!(sender.series(), 2);
@@ -309,7 +312,8 @@ fn a_client_that_cannot_read_what_it_is_told_is_told_anew() {
     assert!(sender.overdue(Tick(500)).is_empty());
 }
 
-/// Bodies that wake after long are told against a state of long ago, until the first acknowledgement; then against a new one.
+/// Bodies that wake after a long time are told against a state of long ago until the first acknowledgement,
+/// and then against a new one.
 #[test]
 fn bodies_that_wake_are_understood_though_datagrams_overtake_one_another() {
     for (delay, jitter) in [(0, 6), (3, 9), (12, 12)] {
@@ -350,21 +354,22 @@ fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
     assert!(!sender.waits() && sender.overdue(Tick(1_020)).is_empty());
 }
 
-/// What is sent in the tick of a flood is unheard, and told again; later ones are heard.
+/// Acknowledgements of what is sent in the tick of a flood go unheard, so it is told again. Later ones are
+/// heard.
 #[test]
 fn a_flood_of_acknowledgements_is_passed_over() {
     let (mut sender, _) = ends();
     let bodies = heap(300, &mut Random::new(5));
     let first = sender.pack(Tick(1), Tick(1), &bodies, false, LIMIT)[0].number;
     let heard = |datagrams| Heard { series: 1, datagrams, lost: false, bytes_per_s: 0 };
-    // None of these was sent.
+    // None of these datagrams was sent.
     let flood = heard(vec![(first.wrapping_sub(1_000_000), 900_000); 64]);
     assert!(!sender.hear(Tick(1), &flood));
     for _ in 0..1_000 {
         assert!(!sender.hear(Tick(1), &heard(vec![(first, 1)])), "no time is spent on it");
     }
     assert!(sender.hear(Tick(2), &heard(vec![(first, 1)])));
-    // An honest client says so much in a tick at most, and may say what it did not for a while.
+    // An honest client says at most this much per tick, and may make up for what it did not say for a while.
     for tick in 3..60 {
         let parts = sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT);
         if tick > 20 {
@@ -373,7 +378,7 @@ fn a_flood_of_acknowledgements_is_passed_over() {
     }
 }
 
-/// Bodies that came and went: what is still on its way of them is understood, and nothing is kept.
+/// Bodies come and go: what is still on its way of them must be understood, and nothing kept.
 #[test]
 fn bodies_that_are_gone_are_forgotten_and_those_that_come_back_are_not() {
     let (mut sender, mut receiver) = ends();
@@ -388,10 +393,10 @@ fn bodies_that_are_gone_are_forgotten_and_those_that_come_back_are_not() {
     tell(&mut sender, &mut receiver, 1, &bodies);
     tell(&mut sender, &mut receiver, 2_000, &bodies[..10]);
     bodies.iter().for_each(|body| receiver.forget(body.id));
-    // It was on its way, and two are back.
+    // States that were on their way arrive, and two bodies are back.
     tell(&mut sender, &mut receiver, 2_001, &bodies);
     bodies[..2].iter().for_each(|body| receiver.remember(body.id));
-    // One goes once more.
+    // One of them goes again.
     receiver.forget(bodies[1].id);
     receiver.remember(bodies[1].id);
     tell(&mut sender, &mut receiver, 2_700, &bodies[..1]);
@@ -423,7 +428,7 @@ fn the_strangest_states_fit() {
     };
     let near = SharedState { id: BodyId::persistent(0), owner: RegionId(0), epoch: Epoch(0), ..far(0.0) };
     let (mut sender, mut receiver) = ends();
-    // The models have come to expect nothing new when it comes.
+    // The models expect nothing new by the time it comes.
     for round in 0..6u64 {
         let alike = (0..900).map(|i| SharedState { id: BodyId::persistent(i), ..near });
         let strange = (0..100).map(|i| {
@@ -457,7 +462,7 @@ fn a_part_that_refers_to_nothing_is_read_alone() {
     assert!(bodies.iter().zip(&read).all(|(is, told)| off(is, told) <= 1.0));
     assert_eq!(alone::write(&[], LIMIT), [[0u8; 0]]);
     assert_eq!(alone::read(&[]).unwrap(), []);
-    // What a client is told refers to something.
+    // States for a client refer to earlier ones.
     let (mut sender, mut receiver) = ends();
     for tick in 1..3 {
         let part = sender.pack(Tick(tick), Tick(tick), &bodies[..5], false, LIMIT).remove(0);
@@ -468,7 +473,8 @@ fn a_part_that_refers_to_nothing_is_read_alone() {
     }
 }
 
-/// Takes in what strangers made, and what they made of what was honest; returns how many were read, and how many refused.
+/// Takes in bytes made by strangers, and honest parts that strangers changed. Returns how many were read and
+/// how many refused.
 fn take_in_strange(rounds: u64, seed: u64) -> (u64, u64) {
     let mut random = Random::new(seed);
     let (mut sender, mut receiver) = ends();
@@ -527,7 +533,7 @@ fn strangers_bytes_are_states_or_an_error() {
     assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
 }
 
-/// The same at length: `cargo test --release -p dcd --lib --features cli,sim ten_million -- --ignored`.
+/// Does the same at length: `cargo test --release -p dcd --lib --features cli,sim ten_million -- --ignored`.
 #[test]
 #[ignore = "minutes"]
 fn ten_million_strangers_bytes_are_states_or_an_error() {

@@ -1,18 +1,19 @@
-//! Plans paces that keep a budget of time: by how long the longest tick will take, of groups of regions that are stepped in the same ticks.
+//! Plans paces that keep a budget of time, by how long the longest tick will take. Groups of regions that are
+//! stepped in the same ticks have one pace.
 
 use super::schedule::{COARSEST, Pace, relative_time};
 
-/// Iterations that a share of the time is reckoned of.
+/// The number of solver iterations for which shares of the time are estimated.
 const ITERATIONS: usize = 4;
 
-/// A group of regions that are at one time, as one process computes it.
+/// A group of regions that must be at one time, as far as one process computes it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load {
-    /// Somebody looks at one of its regions.
+    /// Whether somebody looks at one of its regions.
     pub watched: bool,
-    /// The distance of the nearest viewpoint from it, metres.
+    /// The distance of the nearest viewpoint from the group, metres.
     pub far_m: f64,
-    /// The time that a step of one tick in full takes, milliseconds.
+    /// The time that a step of one tick takes in full, milliseconds.
     pub step_ms: f64,
 }
 
@@ -20,17 +21,19 @@ pub(super) struct Load {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plan {
     pub paces: Vec<Pace>,
-    /// Says whether no tick is expected to take longer than it may.
+    /// Whether no tick is expected to take longer than it may.
     pub is_kept: bool,
 }
 
-/// The rates that savings lead to, of what nobody looks at and then of what is looked at.
+/// The rates to which groups are made coarser in turn: first those that nobody looks at, then those that are
+/// looked at.
 const RATES: [u8; 2] = [2, COARSEST];
 
-/// Returns the finest paces with which no tick takes longer than this; where there are none, those with which ticks take no longer in the mean, if
-/// that can be. The farthest groups are made coarser first.
+/// Returns the finest paces with which no tick takes longer than `goal_ms`. If there are none, returns those
+/// with which ticks take no longer on average, if that is possible. The farthest groups are made coarser
+/// first.
 pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
-    // A step that fills more than a tick by itself is not made longer, to be made less often.
+    // A group does not become coarser if one of its steps would then take longer than the goal.
     let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
     let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
     if longest_ms <= goal_ms {
@@ -40,7 +43,8 @@ pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
     Plan { paces: with_turns(loads, &paces), is_kept: false }
 }
 
-/// Makes groups coarser, where that fits, until what is measured of all paces is within the goal, or none is left; returns what it comes to.
+/// Makes groups coarser, where that fits, until what `measure` returns for all paces is within the goal, or
+/// no group is left. Returns the paces and that measure.
 fn shed(
     loads: &[Load],
     goal_ms: f64,
@@ -68,7 +72,7 @@ fn shed(
     (paces, now_ms)
 }
 
-/// Returns how long a step of a group takes at its pace, milliseconds.
+/// Returns the time of one step of a group at its pace, milliseconds.
 fn step_ms(load: &Load, pace: Pace) -> f64 {
     load.step_ms * relative_time(ITERATIONS, pace.rate)
 }
@@ -87,8 +91,8 @@ fn with_turns(loads: &[Load], paces: &[Pace]) -> Vec<Pace> {
     turns.into_iter().zip(paces).map(|(turn, pace)| Pace { turn, ..*pace }).collect()
 }
 
-/// Deals groups out to the ticks in which they are stepped, the dearest first, each to those that have least to do (Graham 1969); returns their turns,
-/// and how long each of the ticks takes until all begins anew.
+/// Deals groups out to the ticks in which they are stepped, the longest steps first, each to the ticks with
+/// least to do (Graham 1969). Returns their turns, and how long each tick of a cycle takes.
 fn turns(loads: &[Load], paces: &[Pace]) -> (Vec<u8>, [f64; COARSEST as usize]) {
     let mut ticks_ms = [0.0; COARSEST as usize];
     let steps_ms = loads.iter().zip(paces).map(|(load, pace)| step_ms(load, *pace));

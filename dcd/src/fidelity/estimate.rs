@@ -1,13 +1,13 @@
-//! Estimates a mean from the last samples, with the interval that it lies in with 95 % confidence.
+//! Estimates a mean from the last samples, with its 95 % confidence interval.
 
 use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-/// Samples that are remembered.
+/// The number of samples that are remembered.
 const MEMORY: usize = 256;
 
-/// The last samples of something, each with a weight: how much it stands for.
+/// The last samples of a quantity, each with a weight: how much it stands for.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Estimate {
     samples: VecDeque<(f32, f32)>,
@@ -34,9 +34,13 @@ impl Estimate {
         self.samples.iter().map(|&(sample, weight)| (sample.into(), weight.into()))
     }
 
-    /// Returns the ends of the 95 % confidence interval of the mean: Johnson's modified t (1978), which allows for the skewness of the
-    /// samples, as errors are often small and seldom large; with weights, of as many samples as those of one weight would be (Kish 1965). Above it reckons with one more sample than there is, of three times the largest, since the
-    /// largest are too rare to be among few; below it with one more of zero. All that is not negative, before there are two samples.
+    /// Returns the ends of the 95 % confidence interval of the mean. It is Johnson's modified t (1978), which
+    /// allows for the skewness of the samples, since errors are often small and seldom large. With weights,
+    /// the effective number of samples counts: as many as samples of one weight would be (Kish 1965).
+    ///
+    /// The upper end assumes one more sample, of three times the largest, since the largest are too rare to
+    /// be among few. The lower end assumes one more sample of zero. Before there are two samples, the
+    /// interval is all that is not negative.
     pub(super) fn interval(&self) -> [f32; 2] {
         if self.count() < 2 {
             return [0.0, f32::INFINITY];
@@ -50,18 +54,20 @@ impl Estimate {
     }
 }
 
-/// A sample that was not seen is so many times as large as the largest that was, and at least as large as this.
+/// The size of the sample that is assumed though it was not seen, as a multiple of the largest that was seen,
+/// and its least size.
 const UNSEEN: f64 = 3.0;
 const LEAST_UNSEEN_M_S: f64 = 0.1;
 
-/// Returns the mean of samples with their weights.
+/// Returns the mean of weighted samples.
 fn mean(samples: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (sum, weights) = samples
         .fold((0.0, 0.0), |(sum, weights), (sample, weight)| (sum + sample * weight, weights + weight));
     sum / weights
 }
 
-/// Returns the middle of the interval of the mean of some samples with their weights, and how far it reaches to both sides.
+/// Returns the middle of the confidence interval of the mean of weighted samples, and how far it reaches to
+/// both sides.
 fn johnson(samples: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
     let mean = mean(samples.clone());
     let weights = |power: i32| samples.clone().map(|(_, weight)| weight.powi(power)).sum::<f64>();
@@ -70,7 +76,7 @@ fn johnson(samples: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
         terms.sum::<f64>() / weights(1).powi(power)
     };
     let n = weights(1).powi(2) / weights(2);
-    // Of the mean.
+    // The variance of the mean.
     let variance = moment(2) * n / (n - 1.0);
     if variance == 0.0 {
         return (mean, 0.0);
@@ -78,7 +84,8 @@ fn johnson(samples: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
     (mean + moment(3) / (6.0 * variance), student_975(n - 1.0) * variance.sqrt())
 }
 
-/// Returns the 97.5 % quantile of Student's t with so many degrees of freedom (Cornish and Fisher's expansion; within 0.5 % from 4 on).
+/// Returns the 97.5 % quantile of Student's t with `freedom` degrees of freedom (Cornish and Fisher's
+/// expansion; within 0.5 % from 4 on).
 fn student_975(freedom: f64) -> f64 {
     const Z: f64 = 1.959_964;
     if freedom < 3.0 {

@@ -1,6 +1,8 @@
-//! Chooses the pace of each region: by whether it is looked at, by the error that audits find, or by the time that steps take; and which regions
-//! are stepped in a tick. Those at a lower rate stay behind the present for some ticks and catch up in one step. Regions that share bodies, or are about
-//! to, are at one time always, so that copies of one moment are compared.
+//! Chooses the pace of each region, and which regions are stepped in a tick. The pace follows from whether a
+//! region is looked at, from the error that audits find, or from the time that steps take.
+//!
+//! Regions at a lower rate stay behind the present for some ticks and catch up in one step. Regions that
+//! share bodies, or are about to, are always at one time, so that copies of the same moment are compared.
 
 use std::cmp;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,65 +15,73 @@ use super::schedule::{COARSEST, Pace};
 use super::{Audited, Fidelity, FidelityReport, Pick, RegionState, Schedule, Signals};
 use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn, mixed};
 
-/// A region is looked at from this far beyond what a viewer sees, metres, so that it is at the present time when it is seen; and until
-/// it is this many times as far.
+/// The distance beyond what a viewer sees within which a region counts as looked at, metres, so that it is at
+/// the present time when it is seen. It stays looked at up to `LEAVE` times that distance.
 const MARGIN_M: f64 = 5.0;
 const LEAVE: f64 = 2.0;
-/// Levels are chosen every so many ticks.
+/// The interval at which levels are chosen, ticks.
 const EVERY_TICKS: u64 = 8;
-/// A region becomes coarser where its error is below this part of the tolerance, and finer where it is above, once it has been audited so
-/// often at its pace.
+/// The part of the tolerance below which its error lets a region become coarser. An error above the tolerance
+/// makes it finer. Errors count once a region has been audited `SEASONED` times at its pace.
 const EASY: f32 = 0.5;
 const SEASONED: usize = 3;
-/// From level to level at least so many ticks pass, after which signals are those of the present level.
+/// The least ticks between two changes to a coarser level. After them the signals are those of the present
+/// level.
 const PAUSE_TICKS: u64 = 32;
-/// In a step bodies turn by so much at most: what touches stays where it touched on both until the next.
+/// The most by which bodies turn in a step, so that bodies that touch do so at the same place on both until
+/// the next step.
 const TURN_RAD: f32 = 1.0;
-/// Beyond so many times that a region becomes finer.
+/// A region becomes finer beyond this many times [`TURN_RAD`].
 const SLACK: f32 = 1.25;
-/// The part of a new look in the mean overlap at full rate.
+/// The weight of a new look in the mean overlap at full rate.
 const NEWER: f32 = 0.25;
-/// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
+/// The ticks for which a region that was found too coarse stays finer, at first. The time doubles with each
+/// return, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
-/// The part of a budget that is planned for at first, at least and at most: single ticks take longer than the mean.
+/// The part of a budget that is planned for: at first, and at least and at most. Single ticks take longer
+/// than the mean.
 const PLANNED: f64 = 0.8;
 const PLANNED_RANGE: [f64; 2] = [0.6, 0.95];
-/// By so much less is planned for after a tick that took longer than the budget, and by that part of it more after one that did not: so that one in a
-/// hundred would, if plans held (stochastic approximation of a quantile, Robbins and Monro 1951).
+/// The step by which the planned part becomes less after a tick that took longer than the budget. After any
+/// other tick it grows by the part `OVERRUNS` of that step. So one tick in a hundred would take longer, if
+/// plans held (stochastic approximation of a quantile, Robbins and Monro 1951).
 const OVERRUN: f64 = 0.02;
 const OVERRUNS: f64 = 0.01;
-/// The part of what was known of how much longer ticks take than steps that a tick leaves of it.
+/// The weight that what was known keeps after each tick, in the estimate of how much longer ticks take than
+/// steps.
 const LONGER: f64 = 0.98;
-/// Regions look as far ahead as any is behind, and for so many ticks longer: some come and go.
+/// The ticks for which regions go on to look as far ahead as some region was behind, since such regions come
+/// and go.
 const FARTHER_TICKS: u64 = 64;
-/// Lower rates that save a smaller part of the work than this are given up, since for them all regions look farther ahead. Chosen, not measured.
+/// The part of the work that lower rates must save, or they are given up, since for them all regions look
+/// farther ahead. Chosen, not measured.
 const FARTHER_COSTS: f64 = 0.1;
-/// The part of a tick in what was saved on average.
+/// The weight of a tick in the average of what was saved.
 const SAVED_NEWER: f64 = 1.0 / 32.0;
-/// The largest part that is stated of the time at full rate.
+/// The largest share of the time at full rate that is reported.
 const LARGEST_SHARE: f64 = 1e6;
-/// The part of the time that audits take.
+/// The part of the time that audits may take, unless another is set.
 const AUDITED: f64 = 0.01;
-/// Ticks in which overruns do not count: nothing has been measured yet.
+/// The number of first ticks, in which overruns do not count, since nothing has been measured yet.
 const FIRST_TICKS: u64 = 60;
 
-/// A region, as its pace is chosen by.
+/// A region, with what its pace is chosen by.
 #[derive(Clone, Copy, Debug)]
 pub struct Governed<'a> {
-    /// Its state after the last tick.
+    /// The region's state after the last tick.
     pub state: &'a RegionState,
-    /// Its cell.
+    /// The region's cell.
     pub cell: Cell,
-    /// Who computes it: what one computes takes as long as all of that together.
+    /// The process that computes it. What one process computes takes as long as all of that together.
     pub by: u64,
 }
 
-/// What of a world is looked at.
+/// The part of a world that is looked at.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LookedAt {
-    /// All of it.
+    /// All of the world.
     All,
-    /// What is seen from these places.
+    /// What is seen from these viewpoints.
     From(Vec<Viewpoint>),
 }
 
@@ -81,22 +91,22 @@ struct Memory {
     pace: Pace,
     watched: bool,
     error: Estimate,
-    /// When it came to its pace.
+    /// The tick at which the region came to its pace.
     since: u64,
     /// The mean overlap at full rate, metres; smoothed.
     overlap_m: Option<f32>,
-    /// Until when it may not become coarser, and for how long that will be the next time, ticks.
+    /// The tick until which it may not become coarser, and for how many ticks it may not the next time.
     stays_until: u64,
     patience: u64,
 }
 
-/// Chooses the pace of all regions of a world.
+/// The choice of paces for all regions of a world, with what it is made from.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Governor {
     fidelity: Fidelity,
     looked_at: LookedAt,
     regions: BTreeMap<RegionId, Memory>,
-    /// Of all audits.
+    /// The errors of all audits.
     error: Estimate,
     audits: u64,
     overruns: u64,
@@ -109,43 +119,48 @@ pub struct Governor {
     /// The part of the time that audits may take.
     audited: f64,
     audits_all: bool,
-    /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
+    /// Where all islands are audited: the sum of their errors, and the sum of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
-    /// What audits may cost by now, in bodies stepped once.
+    /// What audits may cost by now, in bodies that are stepped once.
     credit: f64,
-    /// Ticks of bodies that were computed since the last audit, which the next stands for: audits of long steps are dear, and seldom.
+    /// The ticks of bodies that were computed since the last audit, for which the next one stands: audits of
+    /// long steps are dear, and so seldom.
     unaudited: f64,
-    /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
+    /// The numbers of regions that are stepped in every tick, in every second, and in every fourth: more
+    /// often than chosen if they are bound to others.
     levels: [usize; 3],
-    /// By how many ticks any region may be behind the present after this tick, as was known after the last; and until when at least.
+    /// By how many ticks any region may be behind the present after this tick, as known after the last; and
+    /// until when that holds at least.
     behind_most: u8,
     farther_until: u64,
-    /// Says whether regions may be behind at all, since when, and for how long not when that has not paid.
+    /// Whether regions may be behind at all, since when, and for how long they may not when that has not
+    /// paid.
     lags: bool,
     lags_since: u64,
     lags_patience: u64,
     /// The part of the awake bodies' steps that lower rates save, on average.
     saved: f64,
-    /// The part of a budget that is planned for, and whether the plan is expected to keep it.
+    /// The part of a budget that is planned for, and whether the plan is expected to keep the budget.
     planned: f64,
     is_kept: bool,
-    /// By process: the time of its ticks and of its regions' steps in them, milliseconds; what is long ago counts less.
+    /// By process: the time of its ticks, and of its regions' steps in them, milliseconds. What is long ago
+    /// counts less.
     #[serde(skip)]
     took_ms: BTreeMap<u64, [f64; 2]>,
-    /// The time of this tick, of the process that took longest, milliseconds.
+    /// The time of this tick in the process that took longest, milliseconds.
     #[serde(skip)]
     slowest_ms: f64,
-    /// The paces of this tick, as chosen or told.
+    /// The paces of this tick, chosen or told.
     #[serde(skip)]
     paces: BTreeMap<RegionId, Pace>,
-    /// Says whether paces are told, and not chosen.
+    /// Whether paces are told, and not chosen.
     #[serde(skip)]
     is_told: bool,
 }
 
 impl Governor {
-    /// Makes one of a world in which all is looked at.
+    /// Makes the governor of a world that is all looked at.
     pub fn new(fidelity: Fidelity) -> Self {
         Self {
             fidelity,
@@ -178,12 +193,12 @@ impl Governor {
         }
     }
 
-    /// Returns what it keeps.
+    /// Returns the fidelity that the governor keeps.
     pub fn fidelity(&self) -> Fidelity {
         self.fidelity
     }
 
-    /// Returns where it is looked at from; none where all of it is.
+    /// Returns the viewpoints that the world is looked at from; none if all of it is looked at.
     pub fn viewpoints(&self) -> &[Viewpoint] {
         match &self.looked_at {
             LookedAt::All => &[],
@@ -201,13 +216,14 @@ impl Governor {
         &self.paces
     }
 
-    /// Returns by how many ticks any region may be behind the present after the tick that follows the one under way.
+    /// Returns by how many ticks any region may be behind the present after the tick that follows the one
+    /// under way.
     pub fn behind_most(&self) -> u8 {
         self.behind_most
     }
 
-    /// Chooses which regions stay behind in the tick that begins, and perhaps one of which an island is to be audited. The regions are all of the
-    /// world, in order of their ranks.
+    /// Chooses which regions stay behind in the tick that begins, and perhaps a region of which an island is
+    /// to be audited. `regions` are all regions of the world, in order of their ranks.
     pub fn schedule(&mut self, tick: Tick, regions: &[Governed<'_>], dt_s: f32) -> Schedule {
         self.choose(regions, dt_s);
         let behind = self.left_behind(tick, regions);
@@ -220,12 +236,12 @@ impl Governor {
         let mut behind = RegionSet::EMPTY;
         self.levels = [0; 3];
         let (mut coarsest, mut saved, mut awake) = (1, 0.0, 0.0);
-        // A budget that says that regions are stepped less often has reckoned what that saves.
+        // A budget has already counted what its lower rates save.
         let lags = self.lags || self.is_told || matches!(self.fidelity, Fidelity::Budget { .. });
         for group in bound(regions) {
             let members = || group.iter().filter_map(|rank| regions.get(rank)).map(|region| region.state);
             let pace = |state: &RegionState| self.paces.get(&state.region).copied().unwrap_or(Pace::FULL);
-            // Where all rest nothing is stepped, and what was chosen stands.
+            // If all rest, nothing is stepped, and the paces that were chosen stand.
             let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
             let Pace { rate, turn } =
                 busy.or(members().map(pace).min_by_key(|pace| pace.rate)).unwrap_or(Pace::FULL);
@@ -236,14 +252,15 @@ impl Governor {
             coarsest = rate.max(coarsest);
             let owed = members().map(|state| state.behind).max().unwrap_or(0);
             let is_awaited = members().any(|state| state.awaited);
-            // Groups of one rate take turns, so that ticks take alike.
+            // Groups of one rate take turns, so that ticks take about equally long.
             let is_due = is_awaited
                 || owed + 1 >= rate
-                // Others have looked less far ahead.
+                // Other regions have looked less far ahead.
                 || owed + 1 > self.behind_most
                 || tick.0 % u64::from(rate) == u64::from(turn % rate);
             if !is_due {
-                // What rests by itself is the same at any time. What rests and is shared may be woken before the tick.
+                // A region that rests and shares nothing is the same at any time. One that rests and shares
+                // bodies may be woken before the tick.
                 let is_apart = |state: &RegionState| state.rests && state.bound.is_empty();
                 let moves = |rank: &usize| regions.get(*rank).is_some_and(|region| !is_apart(region.state));
                 behind = behind.union(group.iter().filter(moves).collect());
@@ -262,7 +279,8 @@ impl Governor {
         behind.iter().map(|rank| regions[rank].state.region).collect()
     }
 
-    /// Has regions be behind only as long as that saves more than it costs to look farther ahead; where it did not, it is tried again after ever longer times.
+    /// Lets regions be behind only as long as that saves more than it costs to look farther ahead. Once given
+    /// up, it is tried again after ever longer times.
     fn weigh(&mut self, saved: f64) {
         self.saved += SAVED_NEWER * (saved - self.saved);
         let lasted = self.ticks.saturating_sub(self.lags_since);
@@ -275,8 +293,8 @@ impl Governor {
         }
     }
 
-    /// Chooses a region for an audit when the last one is paid for. Every body in every tick is as likely as any other: what a step computes
-    /// counts for each of its ticks.
+    /// Picks a region for an audit when the last one is paid for. Every body in every tick is equally likely:
+    /// what one step computes counts for each of its ticks.
     fn pick(&mut self, tick: Tick, regions: &[Governed<'_>], behind: &[RegionId]) -> Option<Pick> {
         let steps = |region: &&Governed<'_>| {
             !region.state.rests && behind.binary_search(&region.state.region).is_err()
@@ -298,8 +316,8 @@ impl Governor {
         Some(Pick { region: found?.region, seed })
     }
 
-    /// Has regions keep these paces until others are told: what a recorded world chose by the time that its steps took. Returns whether
-    /// regions may have them.
+    /// Has regions keep these paces until others are told, as when a recorded world chose them by the time
+    /// that its steps took. Returns whether the paces are valid.
     pub fn follow(&mut self, paces: BTreeMap<RegionId, Pace>) -> bool {
         let are_valid = paces.values().all(|pace| pace.is_valid());
         if are_valid {
@@ -325,7 +343,7 @@ impl Governor {
                 LookedAt::All => true,
                 LookedAt::From(viewpoints) => viewpoints.iter().any(is_seen),
             };
-            // A budget may leave no more for what has long been looked at.
+            // With a budget there may be no time for a finer pace of a region that was looked at before.
             let is_kept = was_watched && matches!(self.fidelity, Fidelity::Budget { .. });
             if memory.watched && !is_kept && !memory.is_full() {
                 memory.turn_to(Pace::FULL, now);
@@ -342,7 +360,8 @@ impl Governor {
         self.paces = regions.iter().map(|region| (region.state.region, pace(region))).collect();
     }
 
-    /// Lets unwatched regions become coarser, a rate at a time, until audits find too large an error, or signals too long a step.
+    /// Lets unwatched regions become coarser, one rate at a time, until audits find too large an error, or
+    /// signals tell that a step is too long.
     fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[Governed<'_>]) {
         let now = self.ticks;
         for (rank, RegionState { region, signals, .. }) in
@@ -357,7 +376,7 @@ impl Governor {
             let rate = memory.pace.rate;
             let (mean, count) = (memory.error.mean(), memory.error.count());
             let turn_rad = |rate: u8| signals.spin_rad_s * dt_s * f32::from(rate);
-            // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
+            // Overlaps may be deeper by as much as the tolerated error moves a body in the longest step.
             let deeper_m = tolerance_m_s * dt_s * f32::from(COARSEST);
             let overlaps = memory.is_settled(now)
                 && memory.overlap_m.is_some_and(|full_m| signals.overlap_m > full_m + deeper_m);
@@ -378,8 +397,9 @@ impl Governor {
         }
     }
 
-    /// Makes regions coarser until ticks fit the budget in each process: first the unwatched, the farthest first, down to each second tick and then to
-    /// each fourth; then the watched in the same way. Those that are bound together have one pace.
+    /// Makes regions coarser until ticks fit the budget in each process. First come the unwatched regions,
+    /// the farthest first, down to each second tick and then to each fourth; then the watched ones in the
+    /// same way. Regions that are bound together have one pace.
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
         let groups = bound(regions);
         let mut paces = vec![Pace::FULL; groups.len()];
@@ -393,7 +413,7 @@ impl Governor {
                 .unzip();
             let plan = budget::plan(&loads, self.planned * tick_ms / self.longer(process));
             self.is_kept &= plan.is_kept;
-            // What several compute is as coarse as the slowest of them needs.
+            // A group that several processes compute is as coarse as the slowest of them needs.
             for (at, pace) in of.into_iter().zip(plan.paces) {
                 paces[at] = cmp::max_by_key(pace, paces[at], |pace| pace.rate);
             }
@@ -423,7 +443,8 @@ impl Governor {
         })
     }
 
-    /// Returns how many times as long the ticks of a process take as the steps of its regions: with what is exchanged more, on several threads less.
+    /// Returns how many times as long the ticks of a process take as the steps of its regions: more because
+    /// of exchanges, less on several threads.
     fn longer(&self, process: u64) -> f64 {
         match self.took_ms.get(&process) {
             Some([tick_ms, steps_ms]) if *steps_ms > 0.0 => tick_ms / steps_ms,
@@ -431,7 +452,8 @@ impl Governor {
         }
     }
 
-    /// Notes how long a region's step took, and as many steps of one tick each would have taken, milliseconds.
+    /// Notes how long a region's step took, and how long as many steps of one tick each would have taken,
+    /// milliseconds.
     pub fn note_spent(&mut self, took_ms: f32, full_ms: f32) {
         self.spent_ms += f64::from(took_ms);
         self.full_ms += f64::from(full_ms);
@@ -443,19 +465,20 @@ impl Governor {
         audited.error_m_s.into_iter().for_each(|error_m_s| self.note_error(region, error_m_s));
     }
 
-    /// Notes that so many bodies are stepped in a tick; returns whether an audit is paid for.
+    /// Notes that `bodies` bodies are stepped in a tick. Returns whether an audit is paid for.
     fn earn(&mut self, bodies: u64) -> bool {
         self.credit += self.audited * bodies as f64;
         bodies > 0 && self.credit >= 0.0
     }
 
-    /// Pays for an audit that costs as much as stepping so many bodies once. What an island costs decides when the next one is audited,
-    /// not whether it is: so each is as likely as it is large.
+    /// Pays for an audit that costs as much as stepping `bodies` bodies once. The cost of an island decides
+    /// when the next audit is made, not whether that island is audited: so each island is as likely as it is
+    /// large.
     fn pay(&mut self, bodies: f64) {
         self.credit = self.credit.min(0.0) - bodies;
     }
 
-    /// Notes what an audit of a region found: the mean error of an island's bodies per tick, m/s.
+    /// Notes the error that an audit of a region found: the mean over an island's bodies per tick, m/s.
     pub(super) fn note_error(&mut self, region: RegionId, error_m_s: f32) {
         self.audits += 1;
         let weight = std::mem::take(&mut self.unaudited).max(1.0) as f32;
@@ -470,39 +493,39 @@ impl Governor {
         self.audited = part;
     }
 
-    /// Has every island audited in every tick, beside those by which levels are chosen.
+    /// Has every island audited in every tick, besides the audits by which levels are chosen.
     pub fn audit_all(&mut self) {
         self.audits_all = true;
     }
 
-    /// Returns whether every island is.
+    /// Returns whether every island is audited in every tick.
     pub fn audits_all(&self) -> bool {
         self.audits_all
     }
 
-    /// Notes the sum of errors, m/s, of so many bodies and ticks.
+    /// Notes a sum of errors, m/s, over `weight` bodies and ticks.
     pub fn note_all(&mut self, errors: f64, weight: f64) {
         self.all = (self.all.0 + errors, self.all.1 + weight);
     }
 
-    /// Returns the mean error of all bodies in all ticks in which all were audited, m/s.
+    /// Returns the mean error of all bodies over all ticks in which all islands were audited, m/s.
     pub fn true_error_m_s(&self) -> Option<f64> {
         let (errors, weight) = self.all;
         (weight > 0.0).then(|| errors / weight)
     }
 
-    /// Notes how long a tick took a process, and the steps of its regions in it, milliseconds.
+    /// Notes how long a tick took a process, and how long the steps of its regions in it took, milliseconds.
     pub fn note_tick(&mut self, process: u64, tick_ms: f64, steps_ms: f64) {
         self.slowest_ms = self.slowest_ms.max(tick_ms);
-        // In a tick without any step nothing is learnt of how long steps take.
+        // A tick without any step says nothing of how long steps take.
         if steps_ms > 0.0 {
             let took_ms = self.took_ms.entry(process).or_default();
             *took_ms = [LONGER * took_ms[0] + tick_ms, LONGER * took_ms[1] + steps_ms];
         }
     }
 
-    /// Ends a tick of which all processes have told how long it took: counts it if it took longer than the budget, and plans for less then, if a plan
-    /// can help.
+    /// Ends a tick of which all processes have told how long it took. Counts the tick if it took longer than
+    /// the budget, and then plans for less, if a plan can help.
     pub fn end_tick(&mut self) {
         let took_ms = std::mem::take(&mut self.slowest_ms);
         let Fidelity::Budget { tick_ms } = self.fidelity else { return };
@@ -518,7 +541,7 @@ impl Governor {
         }
     }
 
-    /// Returns what it saves and costs.
+    /// Returns what fidelity saves and costs.
     pub fn report(&self) -> FidelityReport {
         let [low95_m_s, high95_m_s] = self.error.interval();
         FidelityReport {
@@ -558,12 +581,12 @@ impl Memory {
         self.pace.rate == 1
     }
 
-    /// Returns whether it has had its pace for long enough.
+    /// Returns whether the region has had its pace for long enough.
     fn is_settled(&self, now: u64) -> bool {
         now >= self.since + PAUSE_TICKS
     }
 
-    /// Learns how deep overlaps are at full rate.
+    /// Learns from signals how deep overlaps are at full rate.
     fn look(&mut self, signals: &Signals, now: u64) {
         if self.is_full() && self.is_settled(now) {
             let mean_m = self.overlap_m.get_or_insert(signals.overlap_m);
@@ -577,7 +600,7 @@ fn bound(regions: &[Governed<'_>]) -> Vec<RegionSet> {
     let mut groups: Vec<RegionSet> = Vec::new();
     for (rank, region) in regions.iter().enumerate() {
         let bound = region.state.bound.union(RegionSet::only(rank));
-        // Groups are apart: those that it is bound to become one with it.
+        // The groups so far are disjoint. Those that the region is bound to become one with it.
         let (joined, apart): (Vec<_>, Vec<_>) =
             groups.into_iter().partition(|group| !group.intersection(bound).is_empty());
         groups = apart;

@@ -1,10 +1,13 @@
-//! Models no more than a scene needs: where nobody looks, regions are stepped at lower rates, as far as an error allows or a time
-//! demands. Audits compute some islands again, finer, and so tell how large the error is.
+//! Computes no more than a scene needs: regions that nobody looks at are stepped at lower rates, as far as an
+//! error allows or a time demands. Audits compute some islands again with finer steps, and so tell how large
+//! the error is.
 //!
-//! After time-critical collision detection (thesis 4.3.2.3) and perceptually adaptive simulation (O'Sullivan and Dingliana 2001).
+//! After time-critical collision detection (thesis 4.3.2.3) and perceptually adaptive simulation (O'Sullivan
+//! and Dingliana 2001).
 //!
-//! One [`Governor`] chooses for a whole world: in a local world by what its regions say of themselves after each tick, in a served one at the leader
-//! of a group, by what members say of theirs. What it chooses for a tick is a [`Schedule`], by which every host steps its regions.
+//! One [`Governor`] chooses the rates of a whole world: in a local world by what its regions report of
+//! themselves after each tick, in a served one at the leader of a group, by what members report of theirs.
+//! Its choice for a tick is a [`Schedule`], by which every host steps its regions.
 
 mod budget;
 mod estimate;
@@ -21,32 +24,35 @@ pub use schedule::{
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-/// How much of a world is computed in full.
+/// The part of a world that is computed in full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Fidelity {
     /// All of it, in every tick.
     #[default]
     Off,
-    /// What is looked at in full, all else as seldom as keeps the mean error of its bodies below this. The same on every machine, with any
-    /// number of threads.
+    /// What is looked at is computed in full, all else as seldom as keeps the mean error of its bodies below
+    /// a tolerance. The result is the same on every machine, with any number of threads.
     Tolerance {
-        /// By how much the velocity of a body may be off per tick, on average, m/s.
+        /// The tolerated error of a body's velocity per tick, on average, m/s; above 0.
         m_s: f32,
     },
-    /// As much as fits into a time, what is looked at before all else. What is chosen depends on the time that steps take.
+    /// As much is computed in full as fits into a time, what is looked at before all else. The choice depends
+    /// on the time that steps take.
     Budget {
-        /// The time that a tick may take, milliseconds.
+        /// The time that a tick may take, milliseconds; above 0.
         tick_ms: f32,
     },
 }
 
 impl Fidelity {
-    /// What a world does that is only told to save: an error of what gravity adds to the velocity of a falling body in two ticks of 1/60 s.
-    /// Where bodies collide all the time, one world at full rate is as far off.
+    /// The setting of a world that is only told to save. It tolerates an error of what gravity adds to the
+    /// velocity of a falling body in two ticks of 1/60 s. One world at full rate is as far off where bodies
+    /// collide all the time.
     pub const AUTO: Self = Self::Tolerance { m_s: 0.33 };
 
-    /// Returns what is wrong with it, if anything: the name of the setting, its value, and what it may be.
+    /// Returns what is wrong with the setting, if anything: its name, its value, and the values that are
+    /// allowed.
     pub(crate) fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let (what, value) = match *self {
             Self::Off => return None,
@@ -81,25 +87,28 @@ impl std::str::FromStr for Fidelity {
     }
 }
 
-/// What fidelity saved and what it cost, as far as is known.
+/// What fidelity saved and what it cost, as far as it is known
+/// ([`World::fidelity_report`](crate::World::fidelity_report)).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 #[non_exhaustive]
 pub struct FidelityReport {
-    /// The mean error of a body per tick against a model four times as fine, m/s, by the audits of the last ticks; with its 95 %
-    /// confidence interval. Zero before the first audit.
+    /// The mean error of a body's velocity per tick against a model with steps four times as fine, m/s, by
+    /// the audits of the last ticks. Zero before the first audit. The next two fields are its 95 % confidence
+    /// interval.
     pub error_m_s: f32,
-    /// The lower end of that interval.
+    /// The lower end of that interval, m/s.
     pub low95_m_s: f32,
-    /// The upper end of that interval; infinite before there are two audits.
+    /// The upper end of that interval, m/s; infinite before there are two audits.
     pub high95_m_s: f32,
-    /// The time of regions' steps over what they would have taken had every region been stepped in every tick, as reckoned: half of a step
-    /// is solving, which takes as long as it has iterations. What is exchanged and what is measured is left out.
+    /// The estimated time of the regions' steps over the time that they would have taken had every region
+    /// been stepped in every tick. The estimate assumes that half of a step is solving, whose time grows with
+    /// its iterations. Exchanges and measurements are left out.
     pub share_of_full_time: f64,
-    /// How many audits there have been.
+    /// The number of audits so far.
     pub audits: u64,
-    /// How many ticks took longer than the budget, since the first second.
+    /// The number of ticks that took longer than the budget, since the first second.
     pub overruns: u64,
-    /// How many regions are stepped in every tick, in every second one, and in every fourth. Those that share bodies with one that is looked
-    /// at are stepped as often as that.
+    /// The numbers of regions that are stepped in every tick, in every second one, and in every fourth.
+    /// Regions that share bodies with one that is looked at are stepped as often as that.
     pub levels: [usize; 3],
 }

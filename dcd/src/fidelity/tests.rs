@@ -3,7 +3,7 @@
 use super::*;
 use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn};
 
-/// Regions in a row, 10 m each, of which a step takes so long.
+/// Returns regions in a row, each 10 m wide, whose steps take `step_ms`.
 fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
     let region = |k| RegionState {
         region: RegionId(k),
@@ -21,7 +21,7 @@ fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
     (0..count).map(region).collect()
 }
 
-/// Has a governor choose, of regions in a row that as many processes compute.
+/// Has a governor choose for regions in a row, which `processes` processes compute in turn.
 fn schedule(governor: &mut Governor, tick: u64, regions: &[RegionState], processes: u64) -> Schedule {
     let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
     let governed = |(k, state)| Governed { state, cell: cell(f64::from(k)), by: k as u64 % processes };
@@ -64,7 +64,7 @@ fn what_is_bound_together_has_one_pace_with_a_budget_though_only_some_of_it_is_f
     let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
     let mut regions = row(6, 2.0);
     regions.iter_mut().for_each(|region| region.bound = (0..6).collect());
-    // All at once, whatever the tick: the mean is kept.
+    // All are stepped in the same ticks, so only the mean is kept.
     assert_eq!(rates_after(&mut governor, &regions, 20), [2; 6]);
 }
 
@@ -72,7 +72,7 @@ fn what_is_bound_together_has_one_pace_with_a_budget_though_only_some_of_it_is_f
 fn with_each_tick_above_the_budget_less_is_planned_for_until_one_in_a_hundred_is() {
     let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
     let regions = row(6, 1.0);
-    // Ticks take as long as their steps, but for one in four that takes half as long again.
+    // Ticks take as long as their steps, except one in four, which takes half as long again.
     let mut over = 0;
     for tick in 0..8_000_u64 {
         let behind = schedule(&mut governor, tick, &regions, 1).behind;
@@ -118,7 +118,7 @@ fn an_error_above_the_tolerance_makes_a_region_finer_for_ever_longer_times() {
     for tick in 0..4_000 {
         let rates = rates(&mut governor, &regions);
         for (id, &rate) in (0..).map(RegionId).zip(&rates) {
-            // The second region that is not seen errs at its lowest rate.
+            // The second of the regions that are not seen errs at its lowest rate.
             governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
         }
         if rates[3] < 4 && tick > 100 {
@@ -137,7 +137,7 @@ fn what_spins_is_stepped_so_often_that_it_turns_by_a_radian_at_most() {
         let mut regions = row(3, 1.0);
         regions[2].signals.spin_rad_s = spin_rad_s;
         assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, rate], "{spin_rad_s} rad/s");
-        // When it comes to spin faster it is stepped more often.
+        // A region whose bodies come to spin faster is stepped more often.
         regions[1].signals.spin_rad_s = 40.0;
         assert_eq!(rates_after(&mut governor, &regions, 40)[1], 1);
     }
@@ -147,11 +147,11 @@ fn what_spins_is_stepped_so_often_that_it_turns_by_a_radian_at_most() {
 fn what_overlaps_more_than_at_full_rate_becomes_finer() {
     let mut governor = governor(Fidelity::Tolerance { m_s: 0.3 });
     let mut regions = row(3, 1.0);
-    // As deep at any rate is no fault of the rate.
+    // An overlap that is as deep at any rate is no fault of the rate.
     regions[1].signals.overlap_m = 0.5;
     regions[2].signals.overlap_m = 0.01;
     assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, 4]);
-    // By 0.3 m/s in four ticks: 20 mm.
+    // The tolerance of 0.3 m/s over four ticks: 20 mm.
     regions[2].signals.overlap_m = 0.029;
     assert_eq!(rates_after(&mut governor, &regions, 100)[2], 4);
     regions[2].signals.overlap_m = 0.031;
@@ -167,7 +167,7 @@ fn a_region_that_comes_into_view_is_computed_in_full_at_once() {
     assert_eq!(rates_after(&mut governor, &regions, 1)[5], 1);
 }
 
-/// The regions that stay behind in each of some ticks, which are stepped as they are told.
+/// Returns the regions that stay behind in each of some ticks. They are stepped as they are told.
 fn ticks(governor: &mut Governor, regions: &mut [RegionState], ticks: std::ops::Range<u64>) -> Vec<Vec<u32>> {
     let tick = |tick| {
         let behind = schedule(governor, tick, regions, 1).behind;
@@ -207,11 +207,11 @@ fn regions_catch_up_by_turns_and_those_that_share_something_together() {
     (1..6).for_each(|id| assert_eq!(stepped(id).len(), 2, "{id}: {behind:?}"));
     begins.sort_unstable();
     assert_eq!(begins, [0, 1, 1, 2, 3], "no tick has all of them");
-    // Bound, the one by the other.
+    // One of them is bound to the other.
     regions[2].bound = RegionSet::only(4);
     let behind = ticks(&mut governor, &mut regions, 208..240);
     assert!(behind[4..].iter().all(|tick| tick.contains(&2) == tick.contains(&4)), "{behind:?}");
-    // To one that is looked at.
+    // That one is bound to a region that is looked at.
     regions[4].bound = RegionSet::only(0);
     let behind = ticks(&mut governor, &mut regions, 240..260);
     assert!(behind.iter().all(|tick| !tick.contains(&2) && !tick.contains(&4)), "{behind:?}");
@@ -233,7 +233,7 @@ fn what_rests_and_what_waits_to_be_told_does_not_stay_behind() {
 fn a_budget_is_kept_by_each_process_for_itself() {
     let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
     let mut regions = row(6, 1.5);
-    // The odd ones are of one that is slower by far.
+    // The odd regions are those of a process that is slower by far.
     regions.iter_mut().skip(1).step_by(2).for_each(|region| region.step_ms = 6.0);
     for tick in 0..20 {
         schedule(&mut governor, tick, &regions, 2);
@@ -259,7 +259,7 @@ fn an_audit_falls_on_each_region_as_often_as_its_steps_have_bodies() {
     }
     let part = f64::from(picked[2]) / f64::from(picked[0] + picked[2]);
     assert_eq!((picked[1], picked[3]), (0, 0));
-    // A hundredth of the 17,500 bodies that are stepped per tick pays for one in about three.
+    // A hundredth of the 17,500 bodies that are stepped per tick pays for one audit in about three ticks.
     assert!(picked[0] + picked[2] > 400 && (0.7..0.8).contains(&part), "{picked:?}");
     assert!((governor.report().error_m_s - 0.1).abs() < 1e-6);
 }

@@ -1,4 +1,4 @@
-//! Serves `/metrics`, `/healthz` and `/readyz`: a thread that listens, and one for each connection.
+//! Serves `/metrics`, `/healthz` and `/readyz`, with one thread that listens and one thread per connection.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -9,27 +9,28 @@ use std::time::Duration;
 
 use crate::http::{Timely, read_head, write_answer};
 
-/// The most connections at a time: each is for one request.
+/// The most connections at a time. Each is for one request.
 const MOST_CONNECTIONS: usize = 16;
-/// How long a request may take to come, and its answer to be taken.
+/// The longest time for a request to arrive, and for its answer to be read.
 const TIMEOUT: Duration = Duration::from_secs(5);
 /// The content type of Prometheus' text format.
 const METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
 const PLAIN: &str = "text/plain; charset=utf-8";
 
-/// A process that is asked by others how it is. Its answers come from numbers that it has written down: it is not waited for.
+/// A process that others ask about its state. It answers from numbers that it has written down, so that
+/// nobody waits for it.
 pub(crate) trait Source: Send + Sync + 'static {
     /// Returns all metrics, in Prometheus' text format.
     fn metrics(&self) -> String;
 
-    /// Returns why the process should be started anew, if it should.
+    /// Returns an error with the reason if the process should be restarted.
     fn healthy(&self) -> Result<(), String>;
 
-    /// Returns why the process does not do its part now, if it does not.
+    /// Returns an error with the reason if the process does not do its part now.
     fn ready(&self) -> Result<(), String>;
 }
 
-/// The threads that answer; dropping it ends them, and leaves the address to others.
+/// The threads that answer requests. Dropping it ends them and frees the address.
 #[derive(Debug)]
 pub(crate) struct Endpoint {
     address: SocketAddr,
@@ -38,7 +39,7 @@ pub(crate) struct Endpoint {
 }
 
 impl Endpoint {
-    /// Listens at an address; port 0 takes any free one.
+    /// Starts to listen at an address; port 0 takes any free port.
     pub(crate) fn start(address: SocketAddr, source: Arc<dyn Source>) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let (address, is_closed) = (listener.local_addr()?, Arc::new(AtomicBool::new(false)));
@@ -48,7 +49,7 @@ impl Endpoint {
         Ok(Self { address, is_closed, listens: Some(listens) })
     }
 
-    /// Returns where it listens.
+    /// Returns the address that it listens on.
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
     }
@@ -57,7 +58,7 @@ impl Endpoint {
 impl Drop for Endpoint {
     fn drop(&mut self) {
         self.is_closed.store(true, Ordering::SeqCst);
-        // Wakes the thread that listens; one that cannot be woken is not waited for.
+        // Wakes the listening thread. If it cannot be woken, it is not waited for.
         let woken = TcpStream::connect_timeout(&self.address, Duration::from_millis(100));
         if let (Ok(_), Some(listens)) = (woken, self.listens.take()) {
             let _ = listens.join();
@@ -72,7 +73,7 @@ fn listen(listener: &TcpListener, is_closed: &AtomicBool, source: &Arc<dyn Sourc
             return;
         }
         let Ok(stream) = stream else {
-            // Out of descriptors, perhaps: they come back as others close theirs.
+            // Perhaps no descriptors are left. They come back as others close theirs.
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -83,15 +84,15 @@ fn listen(listener: &TcpListener, is_closed: &AtomicBool, source: &Arc<dyn Sourc
         let (source, place) = (Arc::clone(source), Place(Arc::clone(&open)));
         let serve = move || {
             let _place = place;
-            // Who goes away before the answer is no error.
+            // A client that goes away before the answer is no error.
             let _ = serve(stream, &*source);
         };
-        // Without a thread the place is free again, too.
+        // If no thread can be started, dropping the closure frees the place.
         let _ = std::thread::Builder::new().name("dcd-metrics-answer".into()).spawn(serve);
     }
 }
 
-/// One of the places for connections, free again when it is dropped.
+/// A place for one connection, which dropping it frees.
 struct Place(Arc<AtomicUsize>);
 
 impl Drop for Place {

@@ -1,4 +1,5 @@
-//! Serves the numbers of a process over HTTP, for Prometheus and for what watches over processes. It knows nothing of worlds.
+//! Serves the numbers of a process over HTTP, for Prometheus and for supervisors of processes. This module
+//! knows nothing of worlds.
 
 mod endpoint;
 mod text;

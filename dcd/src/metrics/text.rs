@@ -14,18 +14,18 @@ pub(crate) struct Family<'a> {
     name: &'static str,
 }
 
-/// Counts of values by size, each at most a bound. Its size is fixed when it is made.
+/// The counts of values by bucket. The number of buckets is fixed when it is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Histogram {
-    /// In increasing order.
+    /// The upper bounds of the buckets, in increasing order.
     bounds: &'static [f64],
-    /// One for each bound, and one for what is above the last.
+    /// One count for each bound, and one for the values above the last bound.
     counts: Vec<u64>,
     sum: f64,
 }
 
 impl Text {
-    /// Begins a metric that only grows, from 0 when the process starts. Its name ends with `_total`.
+    /// Begins a metric that only grows, from 0 at the start of the process. Its name ends with `_total`.
     pub(crate) fn counter(&mut self, name: &'static str, help: &str) -> Family<'_> {
         assert!(name.ends_with("_total"), "{name} is a counter");
         self.family(name, "counter", help)
@@ -66,7 +66,7 @@ impl Family<'_> {
         let _ = writeln!(self.text, "{} {}", self.name, number(value));
     }
 
-    /// Writes the value for these labels. They are few: each set of them is kept for ever by who collects them.
+    /// Writes the value for these labels. Sets of labels must be few: the collector keeps each set for ever.
     pub(crate) fn of(&mut self, labels: &[(&str, &str)], value: f64) -> &mut Self {
         let labels: Vec<_> =
             labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value, true))).collect();
@@ -76,7 +76,7 @@ impl Family<'_> {
 }
 
 impl Histogram {
-    /// Returns one without values.
+    /// Returns a histogram without values.
     pub(crate) fn new(bounds: &'static [f64]) -> Self {
         assert!(bounds.is_sorted(), "bounds increase");
         Self { bounds, counts: vec![0; bounds.len() + 1], sum: 0.0 }

@@ -27,7 +27,8 @@ use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Toke
 #[cfg(feature = "physics")]
 use crate::space::NodeId;
 
-/// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
+/// The root of trust of one world, kept in the server's data folder. The holder of its key decides who takes
+/// part.
 ///
 /// Any process that may read the folder can mint tokens while the server runs; only the server redeems them.
 pub struct Authority {
@@ -37,21 +38,23 @@ pub struct Authority {
     fingerprint: [u8; 32],
     secret: Secret,
     certificate_life: Duration,
-    /// Where joins are recorded, if not in the folder, until the ledger is opened.
+    /// The journal of joins, if they are not recorded in the folder. Opening the ledger takes it.
     journal: Mutex<Option<Box<dyn Journal>>>,
     ledger: Mutex<Option<Ledger>>,
-    /// Names whose certificates let nobody in any more, until a token does, and why.
+    /// The names that are let in with a new token only, with the reason.
     barred: Mutex<BTreeMap<PeerName, String>>,
-    /// Whether the server has ended: its ledger is another's to open.
+    /// Whether this server has ended, so that another one may open the ledger.
     is_over: AtomicBool,
 }
 
-/// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
+/// The lifetime of certificates of nodes and clients, unless [`Authority::with_certificate_life`] sets
+/// another.
 const CERTIFICATE_LIFE: Duration = Duration::from_secs(24 * 3600);
-/// The time that a certificate is accepted beyond its life, as clocks differ.
+/// The time that a certificate is accepted beyond its life, since clocks differ.
 const CLOCK_SKEW: Duration = Duration::from_secs(600);
-/// Lifetime of the server's own certificate, which is made anew at each start. Whoever steals its key has the folder and so the
-/// authority's key; a short life would only stop servers that run long, or began while their clock was decades behind.
+/// The lifetime of the server's own certificate, which is made anew at each start. A thief of its key has the
+/// folder, and so the authority's key. A short life would only stop servers that run long, or that started
+/// while their clock was decades behind.
 const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(200 * 365 * 24 * 3600);
 
 impl Authority {
@@ -60,14 +63,14 @@ impl Authority {
         Self::load_or_adopt(folder, |own| Ok::<_, NetError>(own.to_owned()))
     }
 
-    /// Loads the authority that several servers share. `agree` is told that of this folder, or a new one, and returns that of all: the
-    /// first that any of them told.
+    /// Loads the authority that several servers share. `agree` gets the authority of this folder, or a new
+    /// one, and returns the one that all share: the first that any server passed.
     pub(crate) fn load_or_adopt<E: From<NetError>>(
         folder: &Path,
         agree: impl FnOnce(&str) -> Result<String, E>,
     ) -> Result<Self, E> {
         std::fs::create_dir_all(folder).map_err(at(folder))?;
-        // A server and `dcd token` may both come first.
+        // A server and `dcd token` may both be first to make it.
         let lock_path = folder.join("authority.lock");
         let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
         lock.lock().map_err(at(&lock_path))?;
@@ -90,8 +93,8 @@ impl Authority {
         let key_der = PrivatePkcs8KeyDer::from_pem_slice(&pem).map_err(|_| damaged("no private key"))?;
         let key = Key::from_der(&key_der).ok_or_else(|| damaged("a private key that is not Ed25519"))?;
         let certificate = CertificateDer::from_pem_slice(&pem).map_err(|_| damaged("no certificate"))?;
-        // Derived, not a file of its own: who has the key may issue certificates anyway, and one file cannot
-        // contradict itself.
+        // Derived, not a file of its own: the holder of the key may issue certificates anyway, and one file
+        // cannot contradict itself.
         let secret =
             blake3::derive_key("dcd 2026 seal of join tokens and resume keys", key_der.secret_pkcs8_der());
         Ok(Self {
@@ -124,7 +127,7 @@ impl Authority {
         self.issue_token_for(1, role, valid_for, now)
     }
 
-    /// Mints a token that lets so many processes join.
+    /// Mints a token that lets `uses` processes join.
     pub fn issue_token_for(
         &self,
         uses: u32,
@@ -161,23 +164,24 @@ impl Authority {
         })
     }
 
-    /// Returns the key by which this server recognises links of its predecessor, and proves to their peers that they are over.
+    /// Returns the key by which this server recognises links of its predecessor and proves to their peers
+    /// that those links are over.
     pub(super) fn reset_key(&self) -> [u8; 64] {
         reset_key(&self.secret.0)
     }
 
-    /// Records joins there, and not in the folder.
+    /// Records joins in `journal`, and not in the folder.
     #[cfg(feature = "etcd")]
     pub(crate) fn record_in(&self, journal: Box<dyn Journal>) {
         *self.journal.lock().unwrap_or_else(PoisonError::into_inner) = Some(journal);
     }
 
-    /// Opens the ledger, for one server at a time; an error says that another one has it.
+    /// Opens the ledger, which one server at a time may have open; fails if another one has it.
     pub(crate) fn open_ledger(&self) -> Result<(), NetError> {
         self.ledger(SystemTime::now()).map(|_| ())
     }
 
-    /// Lets go of the ledger for good, for another server: this one has ended.
+    /// Closes the ledger for good, since this server has ended, so that another one may open it.
     #[cfg(feature = "physics")]
     pub(crate) fn close_ledger(&self) {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
@@ -192,7 +196,8 @@ impl Authority {
         ledger.is_ok_and(|ledger| ledger.as_ref().is_some_and(|ledger| ledger.has_named(node)))
     }
 
-    /// Writes the authority and its record of joins to another folder, for a server that goes on with a copy of the world.
+    /// Writes the authority and its record of joins to another folder, for a server that goes on with a copy
+    /// of the world.
     #[cfg(feature = "physics")]
     pub(crate) fn copy_to(&self, folder: &Path) -> Result<(), NetError> {
         let own = self.folder.join("authority.pem");
@@ -203,13 +208,13 @@ impl Authority {
         replace_private(&folder.join("joins.log"), joins.as_bytes())
     }
 
-    /// Lets a process in by a new token only, for as long as this server runs.
+    /// Bars a process: it is let in with a new token only, for as long as this server runs.
     #[cfg(feature = "physics")]
     pub(super) fn bar(&self, who: PeerName, reason: String) {
         self.barred().insert(who, reason);
     }
 
-    /// Returns why a process is let in by a new token only, if it is.
+    /// Returns why a process is let in with a new token only, if it is barred.
     pub(super) fn barred_for(&self, who: PeerName) -> Option<String> {
         self.barred().get(&who).cloned()
     }
@@ -238,7 +243,8 @@ impl Authority {
         let mut ledger = self.ledger(now).map_err(|error| failed(&error))?;
         let ledger = ledger.as_mut().expect("ledger() opens it");
         let key = request.key.mark();
-        // Who asks again by the same key never had its answer: the server that it asked may have died in between.
+        // A joiner that asks again with the same key never got its answer: the server that it asked may have
+        // died in between.
         let again = ledger.given(&token.nonce, key, token.role);
         let who = match again.filter(|who| self.barred_for(*who).is_none()) {
             Some(who) => who,
@@ -247,14 +253,15 @@ impl Authority {
                 .record(token.nonce, token.expires_unix_s, token.role, resumed, key, now_s)
                 .map_err(|error| failed(&error))?,
         };
-        // Only the key is taken from the request: names are ours to give.
+        // Only the key is taken from the request. The authority gives the names.
         let certificate =
             self.issue(who, &request.key, now, self.certificate_life).map_err(|error| failed(&error))?;
         self.barred().remove(&who);
         Ok(self.admission(who, &certificate, now))
     }
 
-    /// Issues a new certificate for the name of another one, whose key has signed for it; also when that one has expired.
+    /// Issues a new certificate for the name in an old one, whose key has signed the request. The old one may
+    /// have expired.
     pub(super) fn renew(&self, request: &RenewalRequest, now: SystemTime) -> Result<Admission, JoinRefusal> {
         let who =
             owner_of(&request.certificate, &self.certificate, now).ok_or(JoinRefusal::BadCertificate)?;
@@ -303,7 +310,7 @@ impl Authority {
     fn ledger(&self, now: SystemTime) -> Result<MutexGuard<'_, Option<Ledger>>, NetError> {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         if ledger.is_none() {
-            // Under the lock of the ledger: an answer to a late join does not open it again.
+            // Checked under the lock of the ledger, so that the answer to a late join does not open it again.
             if self.is_over.load(Ordering::Relaxed) {
                 return Err(NetError::Joins("the server has ended; ask the one that goes on".to_owned()));
             }
@@ -328,11 +335,12 @@ impl Authority {
         params.distinguished_name = named(&who.to_string());
         let epoch = rcgen::date_time_ymd(1970, 1, 1);
         let now = now.duration_since(UNIX_EPOCH).unwrap_or_default();
-        // Whoever's clock is behind, or is set back later, takes it as well: it cannot be used before there is one.
+        // Valid since 1970, so that peers whose clocks are behind, or are set back later, accept it too.
+        // Nobody can use it before it exists.
         params.not_before = epoch;
         params.not_after = epoch + now + life + CLOCK_SKEW;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
-        // Everyone dials and is dialled.
+        // Every process dials and is dialled.
         params.extended_key_usages =
             vec![ExtendedKeyUsagePurpose::ServerAuth, ExtendedKeyUsagePurpose::ClientAuth];
         Ok(params.signed_by(key, &self.issuer)?.der().clone())

@@ -1,5 +1,7 @@
-//! Encodes bytes as one line of text that survives terminals, shells and changes of case: base 32 of RFC 4648 in lower case
-//! without padding, closed by a checksum, so that a mistyped text is distinguished from a refused one.
+//! Encodes bytes as one line of text that survives terminals, shells and changes of case.
+//!
+//! The text is base 32 of RFC 4648 in lower case without padding, closed by a checksum, so that a mistyped
+//! text is distinguished from a refused one.
 
 use data_encoding::{BASE32_NOPAD, DecodeKind};
 
@@ -21,14 +23,15 @@ pub(super) fn encode(bytes: &[u8]) -> String {
 
 /// Decodes a text made by [`encode`].
 pub(super) fn decode(text: &str) -> Result<Vec<u8>, Undecodable> {
-    // First, since what is no text of ours may have any length.
+    // Checked first, since a text that is not ours may have any length.
     if !text.bytes().all(|letter| matches!(letter.to_ascii_lowercase(), b'a'..=b'z' | b'2'..=b'7')) {
         return Err(Undecodable::Character);
     }
     let decoded = BASE32_NOPAD.decode(text.to_ascii_uppercase().as_bytes());
     let mut bytes = decoded.map_err(|error| match error.kind {
         DecodeKind::Symbol => Undecodable::Character,
-        // Cut, or with bits that no encoder leaves: else one token would have several texts.
+        // The text was cut, or ends in bits that no encoder leaves. If those were accepted, one token would
+        // have several texts.
         DecodeKind::Length | DecodeKind::Trailing | DecodeKind::Padding => Undecodable::Checksum,
     })?;
     let length = bytes.len().checked_sub(CHECKSUM_BYTES).ok_or(Undecodable::Checksum)?;

@@ -27,31 +27,33 @@ use super::{
 pub(super) struct Shared {
     pub(super) local_addr: SocketAddr,
     pub(super) endpoint: Endpoint,
-    /// The settings for links that others make; they change with the certificate as those of the endpoint do.
+    /// The settings for links that others dial. They change with the certificate, as those of the endpoint
+    /// do.
     pub(super) answer: RwLock<ServerConfig>,
-    /// Changes when the certificate is renewed.
+    /// The settings for links that this process dials. They change when the certificate is renewed.
     pub(super) dial: RwLock<ClientConfig>,
-    /// Until when the certificate proves the name.
+    /// The time until which the certificate proves the name.
     pub(super) expiry: Mutex<SystemTime>,
     pub(super) who: PeerName,
     pub(super) authority: Option<Arc<Authority>>,
     pub(super) limits: Limits,
-    /// Refused joins, for the log.
+    /// Limits the log lines about refused joins.
     pub(super) refusals: Seldom,
-    /// Taken by each proven peer that dialled us, until its `Closed` event is read.
+    /// Permits. Each proven peer that dialled us has one until its `Closed` event is read.
     pub(super) connection_slots: Arc<Semaphore>,
-    /// Taken by each handshake or join under way.
+    /// Permits. Each handshake or join under way has one.
     pub(super) handshake_slots: Arc<Semaphore>,
-    /// Those of them that have a connection, no name, and have not asked for anything.
+    /// Those of the handshakes and joins that may give way to others.
     pub(super) unasked: Unasked,
     pub(super) peers: RwLock<BTreeMap<PeerKey, Arc<Peer>>>,
-    /// Peers that we have closed, until their connections are over: what they carry still counts. Locked after `peers`, before `totals`.
+    /// Peers that we have closed, until their connections are over: their traffic still counts. Locked after
+    /// `peers`, before `totals`.
     pub(super) leaving: Mutex<BTreeMap<PeerKey, Arc<Peer>>>,
     pub(super) next_key: AtomicU64,
     pub(super) totals: Mutex<NetTotals>,
     #[cfg(feature = "physics")]
     pub(super) counting: Counting,
-    /// `None` once it is shut down, so that readers of events see the end.
+    /// `None` once the network is shut down, so that readers of events see the end.
     pub(super) events: Mutex<Option<EventSender>>,
 }
 
@@ -69,7 +71,8 @@ impl Shared {
         *self.answer.write().unwrap_or_else(PoisonError::into_inner) = config;
     }
 
-    /// Returns the settings for the link of a caller, who has a part until QUIC has forgotten it.
+    /// Returns the settings for a caller's link. They hold the caller's part until QUIC has forgotten the
+    /// link.
     fn answer_to(&self, part: Arc<Part>, in_haste: bool) -> Arc<ServerConfig> {
         let mut config = self.answer.read().unwrap_or_else(PoisonError::into_inner).clone();
         config.transport_config(self.limits.answering_caller(
@@ -96,7 +99,7 @@ impl Shared {
         self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the traffic over all connections, and calls `look` with that over each that lives.
+    /// Returns the traffic over all connections, and calls `look` with the traffic over each living one.
     pub(super) fn sum(&self, mut look: impl FnMut(PeerKey, PeerStats)) -> NetTotals {
         let peers = self.peers.read().unwrap_or_else(PoisonError::into_inner);
         let leaving = self.leaving();
@@ -126,7 +129,7 @@ pub(super) async fn accept(shared: Arc<Shared>) {
     while let Some(incoming) = shared.endpoint.accept().await {
         let under_way = shared.limits.handshakes - shared.handshake_slots.available_permits();
         if under_way >= shared.limits.handshakes_before_retry && incoming.may_retry() {
-            // The address is forged or the peer dials again; either way we keep no state of it.
+            // The address is forged, or the peer dials again. Either way we keep no state of it.
             let _ = incoming.retry();
             continue;
         }
@@ -151,13 +154,15 @@ pub(super) async fn accept(shared: Arc<Shared>) {
 }
 
 impl Shared {
-    /// Returns how many connections there are beside those of peers: of those who join, or call, and of those who did a moment ago.
+    /// Returns the number of connections that are not those of peers: of processes that join or call, or that
+    /// did a moment ago.
     fn strangers(&self) -> usize {
         let peers = self.peers.read().unwrap_or_else(PoisonError::into_inner).len() + self.leaving().len();
         self.endpoint.open_connections().saturating_sub(peers)
     }
 
-    /// Waits until all have their answers who have asked to join, since their tokens are used. Nobody is let in from then on.
+    /// Waits, at most [`Limits::linger`], until all that have asked to join have their answers, since their
+    /// tokens are used up. Nobody is let in from then on.
     pub(super) async fn answer_joins(&self) {
         let asked = self.limits.handshakes.saturating_sub(self.unasked.count());
         let answered = self.handshake_slots.acquire_many(asked as u32);
@@ -167,25 +172,26 @@ impl Shared {
     }
 }
 
-/// Serves one incoming connection in the place of another that gives way.
+/// Serves one incoming connection once another has given way and freed its slot.
 async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>) {
     if let Ok(slot) = shared.handshake_slots.clone().acquire_owned().await {
         receive(shared, incoming, part, slot).await;
     }
 }
 
-/// Takes a handshake to its end.
+/// Completes a handshake.
 async fn connect(
     shared: &Shared,
     incoming: Incoming,
     part: Arc<Part>,
 ) -> Result<Connection, ConnectionError> {
-    // Who had to prove its address had to since many call.
+    // A caller had to prove its address only because many call.
     let in_haste = !incoming.may_retry();
     incoming.accept_with(shared.answer_to(part, in_haste))?.await
 }
 
-/// Serves one incoming connection: a proven peer for as long as it stays, an anonymous one for one join.
+/// Serves one incoming connection: that of a proven peer for as long as it stays, an anonymous one for one
+/// join.
 async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
@@ -194,7 +200,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, hands
         connected = tokio::time::timeout(timeout, connect(&shared, incoming, part.clone())) => connected.ok(),
         () = place.gives_way() => None,
     };
-    // It may have been told to give way as it came to its end.
+    // The handshake may have been told to give way just as it finished.
     let is_given_up = place.is_given_up();
     drop(place);
     let connection = match connected.filter(|_| !is_given_up) {
@@ -250,7 +256,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, hands
     }
 }
 
-/// Dials a peer that is at one of these addresses.
+/// Dials a peer that is at one of these addresses, and carries the connection.
 pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAddr>, expected: PeerName) {
     let timeout = shared.limits.handshake_timeout;
     let trial = |addr| {
@@ -261,7 +267,8 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
     let answered = loop {
         let left = until.saturating_duration_since(Instant::now());
         let answered = match first_of(&addrs, left, trial).await {
-            // Only one is greeted: a peer that is greeted twice takes the newer connection for the only one, and ends the other.
+            // Only one connection is greeted: a peer that is greeted twice keeps the newer one and ends the
+            // other.
             Ok((addr, who, connection)) => {
                 let greeted = tokio::time::timeout(timeout, greet_at(&shared, addr, expected, &connection));
                 let late = || Err(NetError::Unreachable { addr, waited: timeout });
@@ -270,7 +277,7 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
             Err(error) => break Err(error),
         };
         match answered {
-            // It was about to stop, and another one takes over.
+            // The server was about to stop, and another one takes over.
             Err(_) if addrs.len() > 1 && Instant::now() + AGAIN < until => tokio::time::sleep(AGAIN).await,
             answered => break answered,
         }
@@ -309,7 +316,7 @@ async fn reach(
     Ok((addr, who, connection))
 }
 
-/// Opens the lanes of a connection to the peer at an address: from then on it counts.
+/// Opens the lanes of a connection to the peer at an address. From then on the connection counts.
 async fn greet_at(
     shared: &Shared,
     addr: SocketAddr,
@@ -340,7 +347,7 @@ async fn carry(
     shared.peers_mut().insert(key, peer.clone());
     let _ = events.send(HeldEvent { event: NetEvent::Connected { peer: key, who, addr }, share: None });
     let (cause, reason) = peer.run(receivers, &events).await;
-    // All at once: no sum may miss it, or count it twice.
+    // All three are locked at once, so that no sum misses the connection or counts it twice.
     let (mut peers, mut leaving, mut totals) = (shared.peers_mut(), shared.leaving(), shared.totals());
     peers.remove(&key);
     leaving.remove(&key);

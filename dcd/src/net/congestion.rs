@@ -1,10 +1,14 @@
-//! Controls how many bytes may be on their way to a peer: by the share of packets that are lost, and by delay.
+//! Controls how many bytes may be in flight to a peer, by the share of bytes that are lost and by delay.
 //!
-//! What is sent here is mostly state that is out of date a moment later, at a rate that its sender bounds. Controllers that take every
-//! loss for congestion leave such a link almost nothing on a way that loses packets by chance: Cubic 30 kB/s at 5 % and 200 ms, some 60
-//! moving bodies (measured); and quinn's BBR sometimes stays at a quarter of what there is, since a sender that is not always busy shows
-//! it little. So a few losses are taken for chance, as in real-time media (loss-based control of draft-ietf-rmcat-gcc-02, 6), and a
-//! queue that grows on the way is taken for congestion before it loses anything.
+//! Most of what is sent is state that is out of date a moment later, at a rate that its sender bounds.
+//! Controllers that take every loss for congestion leave such a link almost nothing where packets are lost by
+//! chance: Cubic gives 30 kB/s at a loss of 5 % and 200 ms, which is some 60 moving bodies (measured).
+//! quinn's BBR sometimes stays at a quarter of what the link carries, since a sender that is not always busy
+//! shows it little.
+//!
+//! So this controller takes a few losses for chance, as real-time media do (loss-based control of
+//! draft-ietf-rmcat-gcc-02, 6), and takes a queue that grows on the path for congestion before anything is
+//! lost.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -17,43 +21,48 @@ use super::source::Part;
 
 /// The share of lost bytes up to which the window grows.
 const CHANCE: f64 = 0.08;
-/// The share from which on it shrinks, by half as much.
+/// The share of lost bytes above which the window shrinks, by half that share.
 const CONGESTION: f64 = 0.10;
-/// A round trip is congested if it takes longer than so many times the shortest, and by [`QUEUE`] more.
+/// A round trip is congested if it takes longer than the shortest one times this factor, plus [`QUEUE`].
 const LONGER: u32 = 2;
-/// See [`LONGER`].
+/// The second part of the bound of [`LONGER`].
 const QUEUE: Duration = Duration::from_millis(100);
-/// How long the shortest trip counts at least, and twice as long at most: the way may become another.
+/// The least time for which the shortest trip counts. It counts at most twice as long, since the path may
+/// change.
 const MEMORY: Duration = Duration::from_secs(4);
-/// Trips that are longer than the shortest by this factor may be so by a queue of our own: once per [`MEMORY`] it is let run empty.
+/// Trips that are longer than the shortest by this factor may be so because of a queue of our own. Once per
+/// [`MEMORY`] that queue is drained.
 const SUSPECT: f64 = 1.25;
-/// The share of the window of the round in which that is done.
+/// The share of the window that is left for the round in which the queue is drained.
 const DRAIN: f64 = 0.25;
-/// What is left of the window after a round of congested trips.
+/// The share of the window that is left after a round of congested trips.
 const BACK_OFF: f64 = 0.85;
-/// By how much the window grows with each round that used it, after the first congestion; until then it doubles.
+/// The factor by which the window grows with each round that used it, after the first congestion. Until then
+/// it doubles.
 const GROWTH: f64 = 1.08;
-/// The share of the window from which on it counts as used. QUIC spreads what is sent over a round trip by the window, so that a batch of
-/// states is held back long before the window is full; and does not say so.
+/// The share of the window from which on it counts as used. QUIC's pacing spreads what is sent over a round
+/// trip by the window. So it holds a batch of states back long before the window is full, without saying so.
 const USED: f64 = 0.4;
 /// The least time of a round.
 const ROUND: Duration = Duration::from_millis(100);
-/// In packets.
+/// The smallest window, in packets.
 const LEAST: u64 = 8;
-/// In packets: what an idle link may send at once.
+/// The first window, in packets: what an idle link may send at once.
 const FIRST: u64 = 32;
-/// Bytes.
+/// The largest window, in bytes.
 const MOST: u64 = 8 << 20;
 
-/// Makes the controller of each connection, or of one caller's.
+/// The factory of congestion controllers, for all connections or for that of one caller.
 #[derive(Debug, Default)]
 pub(super) struct ToleratesLoss {
-    /// QUIC keeps this, with the settings of the connection, until it has forgotten that: nothing else tells when that is.
+    /// The caller's part. QUIC keeps this factory with the settings of the connection until it has forgotten
+    /// the connection; nothing else tells when that is.
     _part: Option<Arc<Part>>,
 }
 
 impl ToleratesLoss {
-    /// Returns what makes the controller of a caller's connection, and keeps the caller's part as long as that is there.
+    /// Returns the factory for a caller's connection. It keeps the caller's part for as long as QUIC knows of
+    /// the connection.
     pub(super) fn of_caller(part: Arc<Part>) -> Self {
         Self { _part: Some(part) }
     }
@@ -70,15 +79,15 @@ impl ControllerFactory for ToleratesLoss {
 struct Window {
     mtu: u64,
     bytes: u64,
-    /// Whether there was no congestion yet.
+    /// Whether there has been no congestion yet.
     probes: bool,
     round: Round,
     shortest: Shortest,
-    /// The window after a round in which the queue is let run empty.
+    /// The window to go back to after a round in which the queue is drained.
     after_drain: Option<u64>,
 }
 
-/// The shortest of the last trips: since a time, and in as long a time before.
+/// The shortest of the last trips: since a time, and in an equally long time before it.
 #[derive(Clone, Debug)]
 struct Shortest {
     since: Instant,
@@ -95,7 +104,7 @@ impl Shortest {
         self.now = self.now.min(trip);
     }
 
-    /// Forgets what is too long ago; returns whether it did.
+    /// Forgets trips that are too long ago. Returns whether it did.
     fn age(&mut self, now: Instant) -> bool {
         let is_due = now.saturating_duration_since(self.since) > MEMORY;
         if is_due {
@@ -114,7 +123,7 @@ impl Shortest {
     }
 }
 
-/// What became of packets since a time.
+/// What became of the packets since a time.
 #[derive(Clone, Debug)]
 struct Round {
     since: Instant,
@@ -148,7 +157,7 @@ impl Window {
         self.bytes = ((self.bytes as f64 * factor) as u64).clamp(LEAST * self.mtu, MOST);
     }
 
-    /// Judges a round that is over.
+    /// Ends a round: adapts the window to what was lost in it, and to how long its trips took.
     fn judge(&mut self, now: Instant) {
         let round = std::mem::replace(&mut self.round, Round::new(now));
         let is_suspect = round.trip.as_secs_f64() > SUSPECT * self.shortest.get().as_secs_f64();
@@ -187,7 +196,7 @@ impl Controller for Window {
 
     fn on_congestion_event(&mut self, _now: Instant, _sent: Instant, is_persistent: bool, lost_bytes: u64) {
         self.round.lost += lost_bytes;
-        // Nothing is lost where a router says that its queue grows (ECN).
+        // A report without lost bytes means that a router says that its queue grows (ECN).
         self.round.is_marked |= lost_bytes == 0;
         if is_persistent {
             self.probes = false;
@@ -222,7 +231,8 @@ impl Controller for Window {
 mod tests {
     use super::*;
 
-    /// Lets rounds go by in which such a share of the window is sent per trip, and such a share of that lost, and trips take so long.
+    /// Simulates rounds in which the share `sent` of the window is sent per trip, the share `lost` of that is
+    /// lost, and trips take `trip_ms`. Returns the window.
     fn after(rounds: u32, sent: f64, lost: f64, trip_ms: u64) -> u64 {
         let start = Instant::now();
         let mut window = Window::new(start, 1_200);
@@ -263,7 +273,7 @@ mod tests {
         assert_eq!(after(60, 0.9, 0.09, 60), FIRST * 1_200, "in between it stays");
     }
 
-    /// A link of 125 kB/s with a queue of 64 kB, 50 ms away, that also loses 3 % by chance.
+    /// Simulates a link of 125 kB/s with a queue of 64 kB, 50 ms away, that also loses 3 % by chance.
     #[test]
     fn a_narrow_link_is_used_and_its_queue_stays_short() {
         let start = Instant::now();

@@ -1,4 +1,4 @@
-//! Sends datagrams from another thread than the one that holds the network.
+//! Sends datagrams from threads other than the one that holds the network.
 
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -9,10 +9,10 @@ use tokio::runtime::Handle;
 use super::calls::Shared;
 use super::{PeerKey, SendError};
 
-/// How long the network's thread is waited for at most.
+/// The longest wait for the network's thread.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// Sends datagrams over the links of a [`Net`](super::Net).
+/// A handle that sends datagrams over the links of a [`Net`](super::Net).
 #[derive(Clone)]
 pub(crate) struct Datagrams {
     pub(super) shared: Arc<Shared>,
@@ -30,8 +30,9 @@ impl Datagrams {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
 
-    /// Waits until the network's thread has come to the links that were given something before this call. Its work is done in the order in
-    /// which it came up: whoever sends to many links without this keeps others waiting for all of them.
+    /// Waits until the network's thread has served the links that were given something before this call. That
+    /// thread does its work in the order in which it came up: a caller that sends to many links without this
+    /// makes others wait for all of them.
     pub(crate) fn wait_for_turn(&self) {
         let (come, comes) = mpsc::sync_channel(1);
         self.runtime.spawn(async move {

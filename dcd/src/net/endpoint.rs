@@ -27,26 +27,28 @@ use super::{
     PeerStats, SendError,
 };
 
-/// Links whose traffic is counted by whoever asks for it. Of each it takes a microsecond to read what the network's thread wrote last.
+/// The most links whose traffic is counted by the thread that asks for it. Reading what the network's thread
+/// wrote last takes a microsecond per link.
 #[cfg(feature = "physics")]
 pub(super) const FEW: usize = 16;
 
 /// The settings of a process's network.
 pub struct NetConfig {
-    /// Where to listen; port 0 takes any free one.
+    /// The address to listen on; port 0 takes any free port.
     pub listen: SocketAddr,
     /// The identity of this process.
     pub identity: Identity,
-    /// The authority, on a server: with it, joins are answered.
+    /// The authority, on a server only: with it, joins are answered.
     pub authority: Option<Arc<Authority>>,
-    /// Where the server is that renews the certificate; nowhere if it outlives the process.
+    /// The addresses of the server that renews the certificate; empty if the certificate outlives the
+    /// process.
     pub renewed_by: Vec<SocketAddr>,
     /// Time-outs and sizes.
     pub limits: Limits,
 }
 
-/// The network of one process. Its methods return at once and may be called from any thread; outcomes come back as [`NetEvents`].
-/// Dropping it shuts it down.
+/// The network of one process. Its methods return at once and may be called from any thread; outcomes come
+/// back as [`NetEvents`]. Dropping it shuts it down.
 pub struct Net {
     shared: Arc<Shared>,
     /// `None` once it is shut down.
@@ -65,8 +67,9 @@ impl Net {
         let answer = server_config(&identity, authority.is_some(), &limits)?;
         let dial = client_config(&identity, &limits)?;
         let socket = bind(listen)?;
-        // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
-        // and back 65 instead of 80 µs at full rate, 150 to 350 µs with either at 100 frames per second.
+        // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in
+        // one process): a round trip of 65 instead of 80 µs at full rate, and of 150 to 350 µs with either at
+        // 100 frames per second.
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .max_blocking_threads(4)
@@ -131,7 +134,7 @@ impl Net {
         self.connect_to_one_of(&[addr], expected)
     }
 
-    /// Dials a peer that is at one of these addresses, and takes the one that answers first.
+    /// Dials a peer that is at one of these addresses, and takes the address that answers first.
     pub fn connect_to_one_of(&self, addrs: &[SocketAddr], expected: PeerName) -> PeerKey {
         let key = self.shared.new_key();
         if let Some(runtime) = &self.runtime {
@@ -140,7 +143,7 @@ impl Net {
         key
     }
 
-    /// Sends a frame, reliably and after those sent on the same lane before.
+    /// Sends a frame, reliably and after those sent before on the same lane.
     pub fn send(&self, peer: PeerKey, lane: Lane, frame: impl AsRef<[u8]>) -> Result<(), SendError> {
         let frame = frame.as_ref();
         let limit_bytes = self.shared.limits.frame_bytes_of(self.shared.who);
@@ -150,8 +153,8 @@ impl Net {
         self.shared.peer(peer).ok_or(SendError::NotConnected)?.send(lane, frame)
     }
 
-    /// Sends a datagram of up to [`MAX_DATAGRAM_BYTES`](super::MAX_DATAGRAM_BYTES). It may be lost; on a congested link
-    /// the oldest that wait are dropped.
+    /// Sends a datagram of up to [`MAX_DATAGRAM_BYTES`](super::MAX_DATAGRAM_BYTES). It may be lost; on a
+    /// congested link the oldest waiting datagrams are dropped.
     pub fn send_datagram(&self, peer: PeerKey, bytes: Vec<u8>) -> Result<(), SendError> {
         self.shared.peer(peer).ok_or(SendError::NotConnected)?.send_datagram(bytes)
     }
@@ -167,14 +170,15 @@ impl Net {
         self.shared.peer(peer).map_or(0, |peer| peer.bytes_waiting())
     }
 
-    /// Returns what sends datagrams from another thread, until this is shut down.
+    /// Returns a handle that sends datagrams from another thread, until this network is shut down.
     #[cfg(feature = "physics")]
     pub(crate) fn datagrams(&self) -> Datagrams {
         let runtime = self.runtime.as_ref().expect("it has not been shut down").handle().clone();
         Datagrams { shared: self.shared.clone(), runtime }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on; it is told why. Its present link goes on.
+    /// Bars a process that has joined: from now on it is let in with a new token only, and is told why. Its
+    /// present link goes on.
     #[cfg(feature = "physics")]
     pub(crate) fn bar(&self, who: PeerName, reason: String) {
         if let Some(authority) = &self.shared.authority {
@@ -182,7 +186,7 @@ impl Net {
         }
     }
 
-    /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `code` and
+    /// Closes a connection once what was sent has arrived, or [`Limits::linger`] has passed. `code` and
     /// `reason` reach the peer.
     pub fn close(&self, peer: PeerKey, code: CloseCode, reason: &str) {
         let peer = {
@@ -210,8 +214,9 @@ impl Net {
         self.shared.sum(|_, _| ())
     }
 
-    /// Returns the traffic over all connections, and over each. Of more than [`FEW`] it is what was counted last: the network's thread counts
-    /// anew, and whoever asks, who may have a tick to compute, waits for the links of no client.
+    /// Returns the traffic over all connections, and over each. With more than [`FEW`] links it returns the
+    /// last count, and has the network's thread count anew: the caller, which may have a tick to compute,
+    /// does not wait for clients' links.
     #[cfg(feature = "physics")]
     pub(crate) fn counted(&self) -> Arc<Counted> {
         let count = |shared: &Shared| {
@@ -232,7 +237,8 @@ impl Net {
         self.shared.counting.last()
     }
 
-    /// Closes all connections as [`Net::close`] does and ends the threads. Takes little more than [`Limits::linger`] at most.
+    /// Closes all connections as [`Net::close`] does, and ends the threads. Takes little more than
+    /// [`Limits::linger`] at most.
     pub fn shutdown(mut self) {
         self.end();
     }
@@ -256,7 +262,7 @@ impl Net {
             shared.endpoint.close(CloseCode::DONE.into(), b"shut down");
             let _ = tokio::time::timeout(shared.limits.linger, shared.endpoint.wait_idle()).await;
         });
-        // Waiting from a plain thread, which a caller inside another runtime need not be.
+        // Waits on a plain thread, since the caller may be inside another runtime.
         let waiting = std::thread::spawn(move || {
             let _ = runtime.block_on(closing);
             runtime.shutdown_timeout(Duration::from_millis(100));
@@ -285,7 +291,7 @@ impl Drop for Net {
     }
 }
 
-/// Checks that this address can be listened on now, before anything is made for a server.
+/// Checks that this address can be listened on, before anything is made for a server.
 #[cfg(feature = "physics")]
 pub(crate) fn check_address(listen: SocketAddr) -> Result<(), NetError> {
     bind(listen).map(drop)

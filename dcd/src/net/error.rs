@@ -1,4 +1,5 @@
-//! Defines the errors of authorities, identities, joins, connections and sending; each message names cause and remedy.
+//! Defines the errors of authorities, identities, joins, connections and sending. Each message names cause
+//! and remedy.
 
 use std::io;
 use std::net::SocketAddr;
@@ -18,7 +19,7 @@ pub enum NetError {
         /// What the system said.
         source: io::Error,
     },
-    /// A file whose content is not what it should be.
+    /// The content of a file is not what it should be.
     #[error("{} is damaged or of another program ({what}); restore it from a copy or remove it and join anew", path.display())]
     Damaged {
         /// The file or folder.
@@ -26,7 +27,7 @@ pub enum NetError {
         /// What is wrong with it.
         what: String,
     },
-    /// Two servers on one data folder.
+    /// Another server runs with the same data folder.
     #[error("another server is running with the data folder {}; stop it or choose another folder", path.display())]
     FolderTaken {
         /// The folder.
@@ -43,10 +44,10 @@ pub enum NetError {
     /// The record of joins cannot be read or written, so that nobody can be let in.
     #[error("joins cannot be recorded: {0}")]
     Joins(String),
-    /// The text of a token is refused.
+    /// The text of a token is not valid, or the token is not the one that is needed.
     #[error(transparent)]
     Token(#[from] TokenError),
-    /// Two processes on one port.
+    /// Another process uses the port.
     #[error("{addr} is in use by another process; stop it, choose another port, or port 0 for any free one")]
     PortTaken {
         /// The address.
@@ -65,7 +66,7 @@ pub enum NetError {
     Unreachable {
         /// The address that was dialled.
         addr: SocketAddr,
-        /// For how long.
+        /// How long the answer was waited for.
         waited: Duration,
     },
     /// The process that answers is not the one that was dialled.
@@ -85,7 +86,7 @@ pub enum NetError {
     Refused {
         /// The address that was dialled.
         addr: SocketAddr,
-        /// Why, for programs.
+        /// The reason, for programs.
         code: CloseCode,
         /// The server's text, with cause and remedy.
         reason: String,
@@ -98,7 +99,7 @@ pub enum NetError {
         /// The server's text, with cause and remedy.
         reason: String,
     },
-    /// The connection broke before it was of use.
+    /// The connection broke before it could be used.
     #[error("the connection to {addr} failed: {detail}; try again, and see the log of the other side")]
     Broken {
         /// The address that was dialled.
@@ -106,10 +107,10 @@ pub enum NetError {
         /// What QUIC said.
         detail: String,
     },
-    /// Keys or certificates that the library refuses.
+    /// The TLS library refuses the keys or certificates.
     #[error("TLS cannot be set up ({0}); if it is a certificate's age, join anew with a fresh token")]
     Tls(String),
-    /// A token for a server: servers own the authority and never join.
+    /// A token for a server was asked for: servers own the authority and never join.
     #[error(
         "a server needs no token: it runs on the folder of its authority; mint for node, client or participant"
     )]
@@ -122,7 +123,7 @@ pub enum NetError {
 /// The error for a frame or datagram that is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SendError {
-    /// No such connection, or none any more.
+    /// The connection does not exist, or no longer.
     #[error("the peer is not connected; wait for its Connected event or dial it again")]
     NotConnected,
     /// The peer reads too slowly.
@@ -130,23 +131,23 @@ pub enum SendError {
         "{waiting_bytes} bytes wait for a slow peer, the limit is {limit_bytes}; send less, later, or close it"
     )]
     Full {
-        /// What waits.
+        /// The bytes that wait.
         waiting_bytes: usize,
-        /// What may wait.
+        /// The most bytes that may wait.
         limit_bytes: usize,
     },
-    /// The frame is longer than peers accept from our role.
+    /// The frame is longer than peers accept from this process's role.
     #[error("a frame of {bytes} bytes, peers accept {limit_bytes}; split it")]
     FrameTooLong {
-        /// What it has.
+        /// The length of the frame.
         bytes: usize,
-        /// What it may have.
+        /// The longest frame that peers accept.
         limit_bytes: usize,
     },
     /// The datagram does not fit into a packet.
     #[error("a datagram of {bytes} bytes, {max} fit into a packet; split it", max = MAX_DATAGRAM_BYTES)]
     DatagramTooLong {
-        /// What it has.
+        /// The length of the datagram.
         bytes: usize,
     },
 }
@@ -154,32 +155,32 @@ pub enum SendError {
 /// The error for a text that is not a token, or not the one that is needed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
-    /// Not a token at all.
+    /// The text is no token at all.
     #[error(
         "this is no dcd token: {0}; give the whole text that `dcd token` printed or dcd_token_create wrote, which begins with \
          dcd1-"
     )]
     Malformed(&'static str),
-    /// A token with an error in it.
+    /// The text is a token with an error in it.
     #[error(
         "the token is mistyped or cut off: its checksum is wrong; copy the whole line that `dcd token` printed or \
          dcd_token_create wrote"
     )]
     Mistyped,
-    /// A token for something else.
+    /// The token is for another role.
     #[error(
         "the token is for a {found}, a {wanted} was to join; mint one with `dcd token --role {wanted}`, or `World::token` (dcd_token_create) at \
          the server"
     )]
     WrongRole {
-        /// What it is for.
+        /// The role that it is for.
         found: JoinRole,
-        /// What it should be for.
+        /// The role that it should be for.
         wanted: JoinRole,
     },
 }
 
-/// The reason for which a server refuses a join. Its text travels to the joiner.
+/// The reason for which a server refuses a join. Its text is sent to the joiner.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JoinRefusal {
     /// The two programs have different protocol versions.
@@ -187,18 +188,18 @@ pub enum JoinRefusal {
         "this server speaks protocol version {server}, the joiner speaks {joiner}; run the same dcd version on both"
     )]
     Version {
-        /// Ours.
+        /// The version of the server.
         server: u32,
-        /// Theirs.
+        /// The version of the joiner.
         joiner: u32,
     },
-    /// Not a request.
+    /// The bytes are not a request.
     #[error("the join request cannot be read ({0}); run the same dcd version on both sides")]
     Malformed(&'static str),
     /// The text in the request is not a token.
     #[error("{0}")]
     BadToken(TokenError),
-    /// The token was minted elsewhere, or forged.
+    /// The token was minted elsewhere, or is forged.
     #[error(
         "the token was not minted by this server's authority; mint one with `dcd token` on its data folder, or \
          `World::token` (dcd_token_create) at the server"
@@ -209,7 +210,7 @@ pub enum JoinRefusal {
         "the token has expired; mint a new one with `dcd token`, or `World::token` (dcd_token_create) at the server"
     )]
     Expired,
-    /// The token was used before.
+    /// The token was used before, as often as it may be.
     #[error(
         "the token has been used already, by as many processes as it lets in: one, unless `--uses` says more; mint a new one with `dcd token`, or \
          `World::token` (dcd_token_create) at the server"
@@ -221,20 +222,20 @@ pub enum JoinRefusal {
          `World::token` (dcd_token_create) at the server"
     )]
     WrongRole {
-        /// What the token is for.
+        /// The role that the token is for.
         token: JoinRole,
-        /// What the joiner was before.
+        /// The role that the joiner had before.
         resume: JoinRole,
     },
-    /// A resume key of another authority, or forged.
+    /// The resume key is of another authority, or is forged.
     #[error("the resume key is not of this server's authority; join without it to be given new ids")]
     BadResumeKey,
-    /// A certificate to be renewed is not of this authority, or not the sender's.
+    /// The certificate to be renewed is not of this authority, or not the sender's.
     #[error(
         "the certificate is not one of this server's authority, or not the sender's; join anew with a fresh token"
     )]
     BadCertificate,
-    /// The server disconnected the process on purpose.
+    /// The server sent the process away on purpose.
     #[error("the server sent this process away; it comes back with a new token only")]
     SentAway,
     /// The server failed to record the join.
@@ -243,7 +244,7 @@ pub enum JoinRefusal {
 }
 
 impl JoinRefusal {
-    /// Returns whether it is the token that cannot be used.
+    /// Returns whether the cause is the token, so that another token may do.
     pub(super) fn is_of_token(&self) -> bool {
         matches!(
             self,

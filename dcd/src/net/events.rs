@@ -11,55 +11,55 @@ use tokio::sync::OwnedSemaphorePermit;
 
 use super::{Lane, NetError, PeerName};
 
-/// The key of a connection, never given a second time while the process lives.
+/// The key of a connection. No other connection gets the same key while the process lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PeerKey(pub(super) u64);
 
 impl PeerKey {
-    /// Returns the key of a connection that there need not be.
+    /// Returns a key that need not belong to any connection.
     #[cfg(all(test, feature = "physics"))]
     pub(crate) fn numbered(number: u64) -> Self {
         Self(number)
     }
 }
 
-/// An event of a connection. Per connection the order is `Connected`, then frames and datagrams, then `Closed`, or
-/// `ConnectFailed` alone.
+/// An event of a connection. Per connection the order is `Connected`, then frames and datagrams, then
+/// `Closed`; or `ConnectFailed` alone.
 #[derive(Debug)]
 pub enum NetEvent {
-    /// Both sides have proved their names; frames can be sent.
+    /// Both sides have proved their names. Frames can be sent.
     Connected {
         /// The connection.
         peer: PeerKey,
         /// The name that the peer proved.
         who: PeerName,
-        /// Where it is.
+        /// The peer's address.
         addr: SocketAddr,
     },
     /// [`Net::connect`](super::Net::connect) failed.
     ConnectFailed {
         /// The key of the connection that failed.
         peer: PeerKey,
-        /// Why.
+        /// The reason.
         error: NetError,
     },
-    /// A frame, whole and in order on its lane.
+    /// A frame arrived, whole and in order on its lane.
     Frame {
-        /// Who sent it.
+        /// The connection that it came over.
         peer: PeerKey,
-        /// The lane it came on.
+        /// The lane that it came on.
         lane: Lane,
         /// Its bytes.
         bytes: Vec<u8>,
     },
-    /// A datagram; others may have been lost or overtaken.
+    /// A datagram arrived. Others may have been lost or overtaken.
     Datagram {
-        /// Who sent it.
+        /// The connection that it came over.
         peer: PeerKey,
         /// Its bytes.
         bytes: Vec<u8>,
     },
-    /// The connection is over; nothing of it follows.
+    /// The connection is over. No event of it follows.
     Closed {
         /// The connection.
         peer: PeerKey,
@@ -79,29 +79,29 @@ pub enum CloseCause {
     ByUs,
     /// The peer closed it, with this code.
     ByPeer(CloseCode),
-    /// The peer does not know the connection any more: it was killed, and something new is in its place.
+    /// The peer does not know the connection any more: it was killed, and a new process is in its place.
     Forgotten,
-    /// Nothing was received from the peer for the idle time-out: killed, stopped, or cut off.
+    /// Nothing was received from the peer during the idle time-out: it was killed, stopped, or cut off.
     TimedOut,
-    /// The peer broke a rule, and we closed.
+    /// The peer broke a rule, and we closed the connection.
     Violation,
 }
 
-/// The code with which a connection is closed, for programs; a text for people goes beside it. Callers of
+/// The code with which a connection is closed, for programs; a text for people goes with it. Callers of
 /// [`Net::close`](super::Net::close) define codes of their own, from [`CloseCode::FIRST_FREE`] on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CloseCode(pub u32);
 
 impl CloseCode {
-    /// In good order: the work is done, or the process ends.
+    /// The close is in good order: the work is done, or the process ends.
     pub const DONE: Self = Self(0);
     /// The peer broke a rule.
     pub const VIOLATION: Self = Self(1);
     /// The peers do not fit together, or there is no room; the reason says which.
     pub const REFUSED: Self = Self(2);
-    /// The server's user sent the peer away: it is let in by a new token only.
+    /// The server's user sent the peer away: it is let in with a new token only.
     pub const SENT_AWAY: Self = Self(17);
-    /// The first code that this module gives no meaning to, but for [`CloseCode::SENT_AWAY`].
+    /// The first of the codes that callers define. Of these, this module uses [`CloseCode::SENT_AWAY`] only.
     pub const FIRST_FREE: u32 = 16;
 
     pub(super) fn of(close: &ApplicationClose) -> Self {
@@ -115,20 +115,21 @@ impl From<CloseCode> for VarInt {
     }
 }
 
-/// The receiving end of a [`Net`](super::Net)'s events. What one peer has in it is bounded: beyond that its connection is
-/// held back (frames) or newer datagrams are dropped, while others go on.
+/// The receiving end of a [`Net`](super::Net)'s events. What one peer has in it is bounded: beyond that, its
+/// frames are held back and its newer datagrams dropped, while other peers go on.
 pub struct NetEvents {
     held: mpsc::Receiver<HeldEvent>,
-    /// Ends with the network, so that readers see the end.
+    /// A weak reference: the senders end with the network, so that readers see the end.
     #[cfg(feature = "physics")]
     way: Weak<Mutex<Way>>,
 }
 
-/// The way that events go.
+/// The destination of events.
 enum Way {
-    /// To [`NetEvents`].
+    /// The channel to [`NetEvents`].
     Channel(mpsc::Sender<HeldEvent>),
-    /// To somebody who takes each as it comes, for which the network's thread waits; it returns whether it takes any more.
+    /// A function that takes each event as it comes, on the network's thread. It returns whether it takes any
+    /// more.
     #[cfg(feature = "physics")]
     Sink(Box<dyn FnMut(HeldEvent) -> bool + Send>),
 }
@@ -139,7 +140,7 @@ pub(super) struct EventSender {
     way: Arc<Mutex<Way>>,
 }
 
-/// The error of an event that nobody reads any more.
+/// The error of an event that nobody will read.
 pub(super) struct Unread;
 
 impl EventSender {
@@ -165,8 +166,9 @@ impl NetEvents {
         (EventSender { way }, receiver)
     }
 
-    /// Has the network's thread pass each event from now on to `take`, after those that came before. It takes up its peer's share until it is taken out;
-    /// `take` returns whether it takes any more.
+    /// Has the network's thread pass each event from now on to `take`, after those that came before. An event
+    /// takes up its peer's share until it is taken out of its [`HeldEvent`]. `take` returns whether it takes
+    /// any more.
     #[cfg(feature = "physics")]
     pub(crate) fn pass_to(self, mut take: impl FnMut(HeldEvent) -> bool + Send + 'static) {
         let way = self.way.upgrade();
@@ -178,17 +180,17 @@ impl NetEvents {
         }
     }
 
-    /// Waits for the next event. An error says that the network is shut down and all is read.
+    /// Waits for the next event. An error means that the network is shut down and everything is read.
     pub fn recv(&self) -> Result<NetEvent, mpsc::RecvError> {
         self.held.recv().map(HeldEvent::into_event)
     }
 
-    /// Waits for the next event, no longer than `timeout`.
+    /// Waits for the next event, at most for `timeout`.
     pub fn recv_timeout(&self, timeout: Duration) -> Result<NetEvent, mpsc::RecvTimeoutError> {
         self.held.recv_timeout(timeout).map(HeldEvent::into_event)
     }
 
-    /// Returns the next event if it is there.
+    /// Returns the next event, if one is there.
     pub fn try_recv(&self) -> Result<NetEvent, mpsc::TryRecvError> {
         self.held.try_recv().map(HeldEvent::into_event)
     }
@@ -199,26 +201,26 @@ impl NetEvents {
     }
 }
 
-/// An event on its way, with the peer's share of the channel that it takes up until it is read.
+/// An event that is not read yet, with its peer's share of the channel, which it takes up until it is read.
 pub(crate) struct HeldEvent {
     pub(super) event: NetEvent,
     pub(super) share: Option<OwnedSemaphorePermit>,
 }
 
 impl HeldEvent {
-    /// Takes the event out: its peer may say more from now on.
+    /// Takes the event out and frees its peer's share.
     pub(crate) fn into_event(self) -> NetEvent {
         drop(self.share);
         self.event
     }
 
-    /// Looks at the event.
+    /// Returns the event without taking it out.
     #[cfg(feature = "physics")]
     pub(crate) fn event(&self) -> &NetEvent {
         &self.event
     }
 
-    /// Returns whether it is the end of a connection.
+    /// Returns whether this is the end of a connection.
     #[cfg(feature = "physics")]
     pub(crate) fn is_end(&self) -> bool {
         matches!(self.event, NetEvent::Closed { .. })

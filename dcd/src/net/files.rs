@@ -1,4 +1,5 @@
-//! Opens and replaces files that hold secrets: readable by their owner only, replaced as a whole or not at all.
+//! Opens and replaces files that hold secrets. Only their owner may read them, and they are replaced as a
+//! whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -6,12 +7,12 @@ use std::path::{Path, PathBuf};
 
 use super::NetError;
 
-/// Turns the system's error into one that names the file.
+/// Turns an error of the system into one that names the file.
 pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> NetError + '_ {
     |source| NetError::File { path: path.to_owned(), source }
 }
 
-/// Opens a file with mode 0600 on systems that know it.
+/// Opens a file with mode 0600, on systems that have modes.
 pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<File, NetError> {
     #[cfg(unix)]
     {
@@ -21,14 +22,15 @@ pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<Fil
     options.open(path).map_err(at(path))
 }
 
-/// Returns where a file is written before it takes its name, which no other file beside it has.
+/// Returns the path at which a file is written before it is renamed. It differs from that of any other file
+/// beside it.
 pub(crate) fn draft_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".draft");
     name.into()
 }
 
-/// Checks that [`replace_private`] can write there, as far as that can be known before.
+/// Checks that [`replace_private`] can write there, as far as that can be known beforehand.
 #[cfg(feature = "physics")]
 pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
     if path.is_dir() {
@@ -39,10 +41,10 @@ pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
     fs::remove_file(&draft).map_err(at(&draft))
 }
 
-/// Writes a private file so that after a crash it holds the old or the new content, never a part.
+/// Writes a private file so that after a crash it holds the old or the new content, never a part of it.
 pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetError> {
     let draft = draft_of(path);
-    // A draft left by a crash may have other permissions; it is made anew.
+    // A draft that a crash left may have other permissions, so it is made anew.
     match fs::remove_file(&draft) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(&draft)(error)),
         _ => {}

@@ -9,12 +9,12 @@ use tokio::time::{Instant, interval_at, sleep_until};
 
 use super::NetError;
 
-/// Where a peer may be at several addresses, they are dialled anew after this long: QUIC's first packets follow one another ever more
-/// slowly, and a server that takes over is to be found at once.
+/// The interval at which a peer that may be at several addresses is dialled anew. QUIC repeats its first
+/// packets ever more slowly, but a server that takes over must be found at once.
 pub(super) const AGAIN: Duration = Duration::from_millis(500);
 
-/// Returns the first success of trials: one for each address at a time, and where there are several, again while none has succeeded: a
-/// server that refuses may be about to stop, and another one to take over.
+/// Tries all addresses at once and returns the first success. With several addresses, all are tried again per
+/// [`AGAIN`] until one succeeds: a server that refuses may be about to stop, and another one to take over.
 pub(super) async fn first_of<T, F>(
     addrs: &[SocketAddr],
     timeout: Duration,
@@ -47,7 +47,7 @@ where
     }
 }
 
-/// That nobody answers at one of several addresses tells nothing.
+/// Returns the more telling of two errors. That nobody answers at one of several addresses tells nothing.
 fn more_telling(former: Option<NetError>, error: NetError) -> NetError {
     match (former, error) {
         (Some(former), NetError::Unreachable { .. }) => former,

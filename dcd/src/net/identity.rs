@@ -18,7 +18,8 @@ use super::verify::names_of;
 use super::{JoinRole, NetError, PeerName, ResumeKey};
 use crate::space::{ClientId, NodeId};
 
-/// A private key, the certificate for it that names role and ids, and the authority that issued it.
+/// A private key, the certificate for it that names role and ids, and the authority that issued the
+/// certificate.
 pub struct Identity {
     pub(super) who: PeerName,
     pub(super) key: PrivatePkcs8KeyDer<'static>,
@@ -29,7 +30,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Returns role and ids together.
+    /// Returns the name: role and ids together.
     pub fn who(&self) -> PeerName {
         self.who
     }
@@ -39,34 +40,35 @@ impl Identity {
         self.who.role()
     }
 
-    /// Returns the id as a node.
+    /// Returns the id as a node, if the process is one.
     pub fn node(&self) -> Option<NodeId> {
         self.who.node()
     }
 
-    /// Returns the id as a client.
+    /// Returns the id as a client, if the process is one.
     pub fn client(&self) -> Option<ClientId> {
         self.who.client()
     }
 
-    /// Returns whether the server that issued this identity has issued a token, too.
+    /// Returns whether the server that issued this identity also issued this token.
     #[cfg(feature = "physics")]
     pub(crate) fn is_of_server_of(&self, token: &Token) -> bool {
         fingerprint(&self.authority) == token.fingerprint
     }
 
-    /// Returns the resume key: with it and a fresh token the process gets the same ids again. A server has none.
+    /// Returns the resume key. With it and a fresh token the process gets the same ids again. A server has
+    /// none.
     pub fn resume(&self) -> Option<&ResumeKey> {
         self.resume.as_ref()
     }
 
-    /// Returns the time until which the certificate proves the name. Connections outlive it; new ones need a fresh identity: join
-    /// again with the resume key.
+    /// Returns the time until which the certificate proves the name. Existing connections outlive it. New
+    /// ones need a fresh identity: join again with the resume key.
     pub fn expires(&self) -> SystemTime {
         UNIX_EPOCH + Duration::from_secs(self.expires_unix_s)
     }
 
-    /// Writes all of it to one file that only its owner may read.
+    /// Writes the whole identity to one file that only its owner may read.
     pub fn save(&self, path: &Path) -> Result<(), NetError> {
         let mut text = format!("expires {}\n", self.expires_unix_s);
         if let Some(resume) = &self.resume {

@@ -1,4 +1,4 @@
-//! Joins a server: a process without a name trades a token for a certificate, and the server answers.
+//! Joins a server, and answers joins: a process without a name trades a token for a certificate.
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
@@ -21,8 +21,8 @@ use super::{
 };
 use crate::space::{ClientId, NodeId};
 
-/// Trades a token for an identity at the server on one of these addresses, waiting no longer than `timeout`. With the resume key of an
-/// earlier identity the ids are the same again.
+/// Trades a token for an identity at the server on one of these addresses, and waits at most `timeout`. With
+/// the resume key of an earlier identity the ids are the same again.
 ///
 /// # Panics
 /// Inside a tokio runtime: this call blocks.
@@ -78,7 +78,7 @@ pub(super) struct Admission {
 
 /// The answer to a request that is not granted.
 pub(super) struct Refused {
-    /// The token cannot be used, and another one may be.
+    /// Whether the token cannot be used, while another one may be.
     is_of_token: bool,
     reason: String,
 }
@@ -94,19 +94,19 @@ impl Refused {
     }
 }
 
-/// The first byte of an answer.
+/// The first byte of a refusal.
 const REFUSED: u8 = 0;
-/// The same where the request is granted.
+/// The first byte of an answer that grants the request.
 const ADMITTED: u8 = 1;
-/// The same where the token cannot be used.
+/// The first byte of a refusal because of the token.
 const TOKEN_REFUSED: u8 = 2;
 
-/// No clock counts for ever, which a caller may want to wait.
+/// The longest wait. A caller may ask for a longer one, but no clock counts for ever.
 const LONGEST: Duration = Duration::from_secs(365 * 24 * 3600);
 
-/// Requests and answers are short; longer ones are cut off.
+/// The longest request or answer. A longer one ends the connection.
 const MESSAGE_LIMIT_BYTES: usize = 16 << 10;
-/// Identifies a request whatever its version.
+/// The first bytes of a request to join, of any version.
 const MAGIC: [u8; 4] = *b"join";
 
 impl JoinRequest {
@@ -120,7 +120,7 @@ impl JoinRequest {
         bytes
     }
 
-    /// The version comes first: what follows it may differ between versions.
+    /// Decodes a request. The version comes first, since what follows it may differ between versions.
     pub(super) fn decode(bytes: &[u8]) -> Result<Self, JoinRefusal> {
         let mut fields = Fields(bytes);
         if fields.take() != Some(MAGIC) {
@@ -184,13 +184,14 @@ pub(super) fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, Refused>> {
     }
 }
 
-/// Reads bytes as each of what is said while joining: a request, a renewal, an answer. For tests: whoever finds the port may send any.
+/// Decodes bytes as each message of a join: request, renewal and answer. For tests, since anybody who finds
+/// the port may send any bytes.
 #[doc(hidden)]
 pub fn read_joining(bytes: &[u8]) {
     let _ = (JoinRequest::decode(bytes), RenewalRequest::decode(bytes), decode_reply(bytes));
 }
 
-/// Dials without a name, sends `request`, returns the answer and whose it is.
+/// Dials without a name and sends `request`. Returns the answer, and the address of the server that gave it.
 pub(super) fn exchange(
     servers: &[SocketAddr],
     fingerprint: [u8; 32],
@@ -202,7 +203,7 @@ pub(super) fn exchange(
     runtime.block_on(exchange_here(servers, fingerprint, request, timeout))
 }
 
-/// Does the same on the runtime of the caller.
+/// Does the same as [`exchange`], on the caller's runtime.
 pub(super) async fn exchange_here(
     servers: &[SocketAddr],
     fingerprint: [u8; 32],
@@ -224,7 +225,7 @@ pub(super) async fn exchange_here(
         let answer = answer.map_err(|_| NetError::Unreachable { addr: server, waited: timeout })?;
         match answer.map_err(|error| explain(server, PeerName::Server, timeout, error)) {
             Ok(answer) => return Ok((server, answer)),
-            // It was about to stop, and another one takes over.
+            // The server was about to stop, and another one takes over.
             Err(_) if servers.len() > 1 && tokio::time::Instant::now() + AGAIN < deadline => {
                 tokio::time::sleep(AGAIN).await;
             }
@@ -233,8 +234,8 @@ pub(super) async fn exchange_here(
     }
 }
 
-/// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left
-/// unanswered: if it is lost, the server stops waiting by itself.
+/// Closes the connection and waits until the close is sent. It does not wait for the three time-outs after
+/// which nobody can be left unanswered: if the close is lost, the server stops waiting by itself.
 async fn say_goodbye(connection: &Connection) {
     if connection.close_reason().is_some() {
         return;
@@ -285,8 +286,8 @@ async fn ask(connection: &Connection, request: &[u8]) -> Result<Vec<u8>, Connect
     }
 }
 
-/// Answers a join on the server's side: reads one request, answers it, and nothing else. `decided` is called with whether the
-/// peer is admitted, before the peer learns it.
+/// Answers a join on the server's side: reads one request, answers it, and does nothing else. `decided` is
+/// called with whether the peer is admitted, before the peer learns it.
 pub(super) async fn answer(
     connection: &Connection,
     authority: Arc<Authority>,
@@ -317,7 +318,7 @@ pub(super) async fn answer(
         );
         return decided(false);
     };
-    // Signing and writing to disk would hold up all connections.
+    // On another thread, since signing and writing to disk would hold up all connections.
     let renews = RenewalRequest::is_one(&request);
     let answer = tokio::task::spawn_blocking(move || match renews {
         true => authority.renew(&RenewalRequest::decode(&request)?, SystemTime::now()),
@@ -336,15 +337,16 @@ pub(super) async fn answer(
         }
     }
     decided(answer.is_ok());
-    // Who was refused gives way to others while it reads why, and who can ask again: its token is not used up.
+    // A refused peer gives way to others while it reads the reason. So does one that renews, which can ask
+    // again: its token is not used up.
     let place = (renews || answer.is_err()).then(|| unasked.enter(connection));
     let read = async {
         if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
-            // The joiner closes when it has read the answer.
+            // The joiner closes the connection when it has read the answer.
             connection.closed().await;
         }
     };
-    // However long it took to decide, there is time to read.
+    // There is time to read, however long it took to decide.
     let until = deadline.max(tokio::time::Instant::now() + limits.linger);
     let _ = tokio::time::timeout_at(until, read).await;
     drop(place);

@@ -1,4 +1,5 @@
-//! Keeps the lines of a server's record of joins: in a file of its folder, unless its servers share another place.
+//! Keeps the lines of a server's record of joins in a file of its folder, unless its servers share another
+//! place.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -7,25 +8,25 @@ use std::path::{Path, PathBuf};
 use super::NetError;
 use super::files::{at, open_private, replace_private};
 
-/// A text of whole lines, kept durably for one server at a time.
+/// A text of whole lines that is kept durably, for one server at a time.
 pub(crate) trait Journal: Send {
-    /// Returns where they are.
+    /// Returns where the lines are kept.
     fn place(&self) -> PathBuf;
 
-    /// Returns all lines. A last one without its end was cut by a crash.
+    /// Returns all lines. If the last line has no end, a crash cut it.
     fn read(&mut self) -> Result<String, NetError>;
 
     /// Replaces all lines.
     fn replace(&mut self, text: &str) -> Result<(), NetError>;
 
-    /// Adds a line, with its end. It is kept when this returns.
+    /// Adds a line, with its end. The line is durable when this returns.
     fn append(&mut self, line: &str) -> Result<(), NetError>;
 }
 
 /// The record of joins in `joins.log` of a folder, which is locked for this server.
 pub(super) struct FileJournal {
     log: File,
-    /// Length of the whole lines in the log.
+    /// The length of the whole lines in the log, in bytes.
     log_bytes: u64,
     log_path: PathBuf,
     lock: File,
@@ -46,7 +47,8 @@ impl FileJournal {
     }
 }
 
-/// Released explicitly: a child process that is just being started has the open file too for a moment.
+/// The lock is released explicitly: a child process that is just being started also has the file open for a
+/// moment.
 impl Drop for FileJournal {
     fn drop(&mut self) {
         let _ = self.lock.unlock();
@@ -71,8 +73,8 @@ impl Journal for FileJournal {
 
     fn append(&mut self, line: &str) -> Result<(), NetError> {
         if let Err(error) = self.log.write_all(line.as_bytes()).and_then(|()| self.log.sync_data()) {
-            // Half a line, as on a full disk, must not run into the next one. If this fails too, the log is cut when
-            // it is opened again, unless more was written to it; then the damage is named.
+            // Half a line, as on a full disk, must not run into the next one. If this fails too, opening the
+            // log again cuts it, unless more was written to it; then the error names the damage.
             let _ = self.log.set_len(self.log_bytes);
             return Err(at(&self.log_path)(error));
         }

@@ -1,6 +1,6 @@
 //! Makes and uses the key pair of a dcd process: Ed25519, by ring.
 //!
-//! No dcd process uses another kind, so none is accepted: code that is not here cannot be attacked.
+//! No dcd process uses another kind, so no other is accepted: code that is absent cannot be attacked.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,9 +14,10 @@ use rustls::pki_types::{PrivateKeyDer, PrivatePkcs8KeyDer};
 
 use super::NetError;
 
-/// The prefix of what a proof of possession signs; the token that it is for follows.
+/// The prefix of the message that a proof of possession signs. The token that the proof is for follows.
 const PROOF: &[u8] = b"dcd joins with this key and the token ";
-/// The prefix of what a request for a new certificate signs; the key that it is for follows.
+/// The prefix of the message that a request for a new certificate signs. The key that the certificate is for
+/// follows.
 const RENEWAL: &[u8] = b"dcd renews the certificate of the signer for this key ";
 
 /// A private key with its public half.
@@ -38,7 +39,7 @@ impl Key {
         Ok(Self::from_der(&der).expect("what ring has made, ring can read"))
     }
 
-    /// Reads PKCS#8; `None` when it is not one of our keys.
+    /// Reads a key from PKCS#8; `None` if it is not one of dcd's.
     pub(super) fn from_der(der: &PrivatePkcs8KeyDer<'_>) -> Option<Self> {
         let pair = Ed25519KeyPair::from_pkcs8(der.secret_pkcs8_der()).ok()?;
         Some(Self { pair, der: der.clone_key() })
@@ -53,32 +54,32 @@ impl Key {
         PublicKey(self.pair.public_key().as_ref().try_into().expect("it has this length"))
     }
 
-    /// Signs the token: a proof that the joiner has the private half of this key.
+    /// Signs the token, as proof that the joiner has the private half of this key.
     pub(super) fn prove(&self, token: &str) -> Vec<u8> {
         self.pair.sign(&[PROOF, token.as_bytes()].concat()).as_ref().to_vec()
     }
 }
 
 impl Key {
-    /// Signs the public half: a proof that the owner of the certificate for this key wants it renewed.
+    /// Signs the public half, as proof that the owner of the certificate for this key wants it renewed.
     pub(super) fn prove_renewal(&self) -> Vec<u8> {
         self.pair.sign(&self.public().renewal()).as_ref().to_vec()
     }
 }
 
 impl PublicKey {
-    /// Returns a number by which it is known where its private half was proved.
+    /// Returns a number that identifies this key, for use where its private half was proved.
     pub(super) fn mark(&self) -> u64 {
         let [a, b, c, d, e, f, g, h, ..] = self.0;
         u64::from_be_bytes([a, b, c, d, e, f, g, h])
     }
 
-    /// Returns what the owner of a certificate signs to have it renewed for this key.
+    /// Returns the message that the owner of a certificate signs to have it renewed for this key.
     pub(super) fn renewal(&self) -> Vec<u8> {
         [RENEWAL, &self.0].concat()
     }
 
-    /// Returns whether the proof for this token was made with the private half.
+    /// Returns whether the proof for this token was made with the private half of this key.
     pub(super) fn is_proved(&self, token: &str, proof: &[u8]) -> bool {
         let key = UnparsedPublicKey::new(&ED25519, self.0);
         key.verify(&[PROOF, token.as_bytes()].concat(), proof).is_ok()
@@ -111,7 +112,7 @@ impl rcgen::SigningKey for Key {
     }
 }
 
-/// A certificate resolver that gives our key to TLS.
+/// A provider that loads dcd's kind of key for TLS.
 #[derive(Debug)]
 pub(super) struct Keys;
 

@@ -1,4 +1,5 @@
-//! Sends and reads ordered frames on lanes, one QUIC stream each; queues what a lane's stream does not take while it is blocked.
+//! Sends and reads ordered frames on lanes, one QUIC stream each, and queues what a blocked stream does not
+//! take.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -8,17 +9,17 @@ use std::task::{Context, Poll, Waker};
 
 use quinn::{ReadError, ReadExactError, RecvStream, SendStream, WriteError};
 
-/// A channel of ordered frames: frames of one lane arrive in order; a lane that stalls does not hold up the others (thesis:
-/// separate channels).
+/// A channel of ordered frames. Frames of one lane arrive in order; a lane that stalls does not hold up the
+/// others (thesis: separate channels).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Lane {
-    /// Membership, leadership, pings, distribution. Goes first when the link is narrow.
+    /// Membership, leadership, pings and distribution. Goes first on a narrow link.
     Admin,
-    /// Exchanges, transfers, shapes.
+    /// Exchanges, transfers and shapes.
     Object,
     /// Client inputs, queries and state replication.
     Client,
-    /// Messages between programs: goes last, and takes no room from others.
+    /// Messages between programs. Goes last, and takes no room from the others.
     Program,
 }
 
@@ -48,11 +49,11 @@ impl fmt::Display for Lane {
     }
 }
 
-/// The sending end of a lane. Frames go to the stream in the caller's own thread, which spares a change of threads per
-/// frame; only what the stream does not take waits here for the lane's task.
+/// The sending end of a lane. Frames go to the stream on the caller's own thread, which saves a change of
+/// threads per frame. Only what the stream does not take waits here for the lane's task.
 pub(super) struct LaneSender {
     stream: SendStream,
-    /// Frames with their prefix; of the first, `sent` bytes are gone.
+    /// Frames with their prefix. The first `sent` bytes of the first frame are already written.
     waiting: VecDeque<Vec<u8>>,
     sent: usize,
     task: Option<Waker>,
@@ -63,8 +64,8 @@ impl LaneSender {
         Self { stream, waiting: VecDeque::new(), sent: 0, task: None }
     }
 
-    /// Sends a frame or queues it. `queued` counts the bytes that wait on all lanes of the peer; when they are more than `limit`
-    /// the frame is refused. A frame is never refused when nothing waits.
+    /// Sends a frame, or queues it. `queued` counts the bytes that wait on all lanes of the peer; the frame
+    /// is refused if they would be more than `limit`. A frame is never refused when nothing waits.
     pub(super) fn send(
         &mut self,
         frame: &[u8],
@@ -93,7 +94,7 @@ impl LaneSender {
         Ok(())
     }
 
-    /// Polls the lane's task: writes what waits, for as long as the connection lives.
+    /// Polls the lane's task, which writes what waits for as long as the connection lives.
     pub(super) fn poll_run(&mut self, context: &mut Context<'_>, queued: &AtomicUsize) -> Poll<WriteError> {
         self.task = Some(context.waker().clone());
         match self.flush(context, queued) {
@@ -102,7 +103,7 @@ impl LaneSender {
         }
     }
 
-    /// Polls until nothing waits; then the stream is finished.
+    /// Polls until nothing waits, and then finishes the stream.
     pub(super) fn poll_finish(
         &mut self,
         context: &mut Context<'_>,
@@ -112,7 +113,7 @@ impl LaneSender {
             Err(_) => Poll::Ready(None),
             Ok(Poll::Pending) => Poll::Pending,
             Ok(Poll::Ready(())) => {
-                // An error means that it is finished already.
+                // An error means that the stream is finished already.
                 let _ = self.stream.finish();
                 let stopped = self.stream.stopped();
                 Poll::Ready(Some(async {
@@ -153,7 +154,7 @@ pub(super) enum SendFailure {
     Broken,
 }
 
-/// A frame's length in front of it, u32, little endian.
+/// The length of the prefix of a frame: the frame's length as a little-endian u32.
 const PREFIX_BYTES: usize = 4;
 
 /// The next item on a lane's stream.
@@ -175,7 +176,7 @@ pub(super) enum LaneError {
     Gone,
 }
 
-/// Reads a frame's length and checks it, before anything is allocated for it.
+/// Reads the length of a frame, and checks it before anything is allocated for the frame.
 pub(super) async fn read_length(
     stream: &mut RecvStream,
     lane: Lane,
@@ -191,7 +192,7 @@ pub(super) async fn read_length(
     if bytes > limit { Err(LaneError::TooLong { lane, bytes, limit }) } else { Ok(FrameStart::Length(bytes)) }
 }
 
-/// Reads a frame of `length` bytes. Memory grows with what has arrived, not with what was claimed.
+/// Reads a frame of `length` bytes. Memory grows with what has arrived, not with what the length claims.
 pub(super) async fn read_body(
     stream: &mut RecvStream,
     lane: Lane,

@@ -10,10 +10,11 @@ use crate::space::{ClientId, NodeId};
 
 type Nonce = [u8; NONCE_BYTES];
 
-/// The record of joins: one line of the journal each, kept before the joiner gets its answer. Minting tokens needs no ledger.
+/// The record of joins: one line of the journal per join, kept before the joiner gets its answer. Minting
+/// tokens needs no ledger.
 pub(super) struct Ledger {
     journal: Box<dyn Journal>,
-    /// Used tokens by their nonces, each until some time after it has expired.
+    /// The used tokens by nonce. Each is kept until some time after it has expired.
     used: BTreeMap<Nonce, Used>,
     last_node: u32,
     last_client: u32,
@@ -27,7 +28,7 @@ struct Used {
     last: Option<Given>,
 }
 
-/// The ids that were given for a token last, and the mark of the key that they were given to.
+/// The ids that were given last for a token, and the mark of the key that they were given to.
 #[derive(Clone, Copy)]
 struct Given {
     key: u64,
@@ -35,7 +36,7 @@ struct Given {
     client: u32,
 }
 
-/// Returns the name of a process in this role by its ids.
+/// Returns the name of a process by its role and ids.
 fn name_of(role: JoinRole, node: u32, client: u32) -> PeerName {
     let (node, client) = (NodeId(node), ClientId(client));
     match role {
@@ -47,14 +48,15 @@ fn name_of(role: JoinRole, node: u32, client: u32) -> PeerName {
     }
 }
 
-/// Returns whether a used token is remembered: for a week after it has expired, as a clock may be ahead and be set right.
+/// Returns whether a used token is still remembered: until a week after it has expired, since a clock that is
+/// ahead may be set right.
 fn is_kept(until_s: u64, now_s: u64) -> bool {
     const WEEK_S: u64 = 7 * 24 * 3600;
     until_s.saturating_add(WEEK_S) >= now_s
 }
 
-/// A line of the record: a token was used so many times, and these ids were given for it last; 0 is none. In a compact record, whose lines
-/// have no ids, `last` has those.
+/// A line of the record: how often a token was used, and the ids that were given for it; 0 is none. The lines
+/// of a compact record have no ids there, and the last ones in `last`.
 struct Line {
     nonce: Nonce,
     until_s: u64,
@@ -65,17 +67,18 @@ struct Line {
 }
 
 impl Ledger {
-    /// By how much the ids of a copy are ahead: those that are given after it was made are not given again by who goes on with it. A client
-    /// that asks for the world's status is given one too: once per second that is twelve days.
+    /// The number of ids by which a copy is ahead, so that a server that goes on with the copy does not give
+    /// ids again that were given after the copy was made. A client that asks for the world's status is given
+    /// an id too: at one per second the number lasts twelve days.
     #[cfg(feature = "physics")]
     const AHEAD: u32 = 1 << 20;
 
-    /// Reads the record back, and forgets tokens that have long expired.
+    /// Reads the record back, without tokens that have long expired.
     pub(super) fn open(mut journal: Box<dyn Journal>, now_s: u64) -> Result<Self, NetError> {
         let content = journal.read()?;
         let mut used: BTreeMap<Nonce, Used> = BTreeMap::new();
         let (mut last_node, mut last_client) = (0, 0);
-        // A last line without its end was cut by a crash; its joiner never got an answer.
+        // A last line without its end was cut by a crash. Its joiner never got an answer.
         let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
         for line in whole.lines() {
             let Line { nonce, until_s, node, client, times, last } = Line::parse(line).ok_or_else(|| {
@@ -86,7 +89,8 @@ impl Ledger {
             if is_kept(until_s, now_s) {
                 let used = used.entry(nonce).or_insert(Used { until_s, times: 0, last: None });
                 used.last = last.or(used.last);
-                // A line without ids is of a compact record, and says all: the lines before it may still be there.
+                // A line without ids is of a compact record and says the total. The lines that it replaces
+                // may still be there before it.
                 used.times = if (node, client) == (0, 0) { times } else { used.times + times };
             }
         }
@@ -96,13 +100,13 @@ impl Ledger {
         Ok(ledger)
     }
 
-    /// Returns the record for a copy of the world, with ids that are ahead.
+    /// Returns the record for a copy of the world, with ids that are ahead by [`Self::AHEAD`].
     #[cfg(feature = "physics")]
     pub(super) fn copy(&self) -> String {
         self.compact(Self::AHEAD)
     }
 
-    /// Returns all that is known in as few lines as it takes.
+    /// Returns the whole record in as few lines as possible.
     fn compact(&self, ahead: u32) -> String {
         let (node, client) = (self.last_node.saturating_add(ahead), self.last_client.saturating_add(ahead));
         let ids = Line { nonce: [0; NONCE_BYTES], until_s: 0, node, client, times: 1, last: None };
@@ -124,13 +128,15 @@ impl Ledger {
         (1..=self.last_node).contains(&node.0)
     }
 
-    /// Returns the name that was given for this token last, if it was to this key: its answer may never have come.
+    /// Returns the name that was given last for this token, if it was given to this key. The joiner may never
+    /// have got that answer.
     pub(super) fn given(&self, nonce: &Nonce, key: u64, role: JoinRole) -> Option<PeerName> {
         let last = self.used.get(nonce)?.last.filter(|last| last.key == key)?;
         Some(name_of(role, last.node, last.client))
     }
 
-    /// Counts the use of a token by who has this key, and gives ids for `role`, or those of `resumed`. Kept when this returns.
+    /// Counts the use of a token by the holder of this key, and gives ids for `role`, or those of `resumed`.
+    /// The record is durable when this returns.
     pub(super) fn record(
         &mut self,
         nonce: Nonce,

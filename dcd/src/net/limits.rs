@@ -1,4 +1,5 @@
-//! Bounds everything that a peer can make us hold: frames, queues, windows, connections, handshakes.
+//! Bounds everything that a peer can make this process hold: frames, queues, windows, connections,
+//! handshakes.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,47 +12,56 @@ use super::lanes::LANES;
 use super::source::Part;
 use crate::protocol::link;
 
-/// The longest datagram: it must fit into one packet on every path.
+/// The longest datagram in bytes. It must fit into one packet on every path.
 pub const MAX_DATAGRAM_BYTES: usize = crate::protocol::DATAGRAM_BYTES;
 
 /// Time-outs and sizes of a process's network. The defaults suit a cluster that steps at 60 ticks per second.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// A peer that is silent for this long is reported as closed: killed, cut off, or stopped. Who dialled decides, up to the longer of
-    /// this and [`Self::client_idle_timeout`].
+    /// The silence after which a peer is reported as closed: it was killed, cut off, or stopped. The side
+    /// that dialled decides, up to the longer of this and [`Self::client_idle_timeout`] of the other side.
     pub idle_timeout: Duration,
-    /// How often the side that dialled sends a keep-alive when all is idle.
+    /// The interval at which the side that dialled sends keep-alives on an idle link.
     pub keep_alive: Duration,
-    /// The same as [`Self::idle_timeout`] where a process dialled that is a client only.
+    /// The same as [`Self::idle_timeout`], for links that a client-only process dialled.
     pub client_idle_timeout: Duration,
-    /// The same as [`Self::keep_alive`] where a process dialled that is a client only.
+    /// The same as [`Self::keep_alive`], for links that a client-only process dialled.
     pub client_keep_alive: Duration,
-    /// How long the handshake may take, from the first packet to the last greeting; also a join.
+    /// The longest time for a handshake, from the first packet to the last greeting, and for a join.
     pub handshake_timeout: Duration,
-    /// How long closing waits until the peer has what was sent before.
+    /// The longest time that closing waits until the peer has what was sent before.
     pub linger: Duration,
-    /// The longest frame from a server or node.
+    /// The longest frame from a server or node, in bytes.
     pub frame_bytes: usize,
-    /// The longest frame from a process that is a client only.
+    /// The longest frame from a client-only process, in bytes.
     pub client_frame_bytes: usize,
-    /// How many frames per second are read from a process that is a client only, after a second's worth at once; of 256 bytes, a longer
-    /// one counts as several. More wait at their sender. As many datagrams are read beside them; more are dropped.
+    /// The frames per second that are read from a client-only process, after a burst of a second's worth. A
+    /// frame of 256 bytes or more counts as several. More frames wait at their sender. As many datagrams are
+    /// read besides; more are dropped.
     pub client_frames_per_s: u32,
-    /// How much may wait for a slow server or node, beside what is in flight; then sending is refused.
+    /// The most bytes that may wait for a slow server or node, besides those in flight. Beyond that, sending
+    /// is refused.
     pub queue_bytes: usize,
-    /// How much may wait for a slow client, and again as much in flight.
+    /// The most bytes that may wait for a slow client. As many again may be in flight.
     pub client_queue_bytes: usize,
-    /// How many proven peers may have dialled us.
+    /// The most proven peers that may have dialled this process.
     pub connections: usize,
-    /// How many handshakes and joins may be under way; with more, one of the place (an IPv4 address, or an IPv6 /64) that has most gives way if it has
-    /// asked for nothing, or who calls is ignored, and dials again by itself. So is who calls faster than a place, or all, may: 1,000 and 2,000 a second
-    /// are taken, and of those beyond, who calls again a quarter of a second later or more goes first.
+    /// The most handshakes and joins that may be under way. Beyond that, one that has asked for nothing gives
+    /// way to a new caller, from the place (an IPv4 address, or an IPv6 /64) that has most. If there is none,
+    /// the caller is ignored, and dials again by itself.
+    ///
+    /// Calls beyond 1,000 per second from one place, or 2,000 from all, are ignored too. Of those, a caller
+    /// that calls again a quarter of a second later or more goes first.
     pub handshakes: usize,
-    /// From this many handshakes under way on, a dialler must first prove that it has the address it writes from.
+    /// The number of handshakes under way from which on a caller must first prove that it has the address it
+    /// writes from.
     pub handshakes_before_retry: usize,
-    /// How many connections may be coming to their end beside those, which QUIC remembers for some round trips of the caller's; with more, who
-    /// calls is ignored, and dials again by itself. One place may have all handshakes and half of these, two together two thirds, and so on. A caller
-    /// that answers slowly stays for twenty seconds: few would keep everybody from joining.
+    /// The most connections that may be coming to their end besides those handshakes; QUIC remembers each for
+    /// some of the caller's round trips. Beyond that, callers are ignored, and dial again by themselves.
+    ///
+    /// One place may have all handshakes and half of these connections, two places together two thirds, and
+    /// so on. A caller that answers slowly stays for twenty seconds: without shares, a few would keep
+    /// everybody from joining.
     pub closing: usize,
 }
 
@@ -77,25 +87,28 @@ impl Default for Limits {
     }
 }
 
-/// The round trip that is assumed of who calls while many do. QUIC remembers a handshake that is given up for nine such trips, and sends
-/// again after three: it costs some packets twice, and a flood leaves fewer connections behind.
+/// The round trip that is assumed of a caller while many call. QUIC remembers an abandoned handshake for nine
+/// such trips, and sends again after three. A short one costs some packets twice, and a flood leaves fewer
+/// connections behind.
 const FIRST_TRIP_IN_HASTE: Duration = Duration::from_millis(10);
 
-/// How much a server or node may send ahead of our reading.
+/// The most bytes that a server or node may send ahead of our reading.
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
-/// How much a peer that has not proved its name may send ahead: a flood of them must not cost much.
+/// The most bytes that a peer that has not proved its name may send ahead: a flood of such peers must not
+/// cost much.
 const UNPROVEN_WINDOW_BYTES: u32 = 32 << 10;
-/// The receive window of one stream: the world's three lanes fit into the connection's window together, so that a stalled one
-/// leaves room for the others; the program lane never has more on it than its own, small window.
+/// The receive window of one stream. The world's three lanes fit into the connection's window together, so
+/// that a stalled lane leaves room for the others. The program lane never carries more than its own, small
+/// window.
 const STREAM_WINDOW_BYTES: u32 = 5 << 18;
 
 impl Limits {
-    /// Returns how long a frame *from* `who` may be.
+    /// Returns the longest frame *from* `who`, in bytes.
     pub(super) fn frame_bytes_of(&self, who: PeerName) -> usize {
         if who.is_client_only() { self.client_frame_bytes } else { self.frame_bytes }
     }
 
-    /// Returns how many frames per second are read from `who`; `None`: all that come.
+    /// Returns the frames per second that are read from `who`; `None` for all that come.
     pub(super) fn frames_per_s_of(&self, who: PeerName) -> Option<u32> {
         who.is_client_only().then_some(self.client_frames_per_s)
     }
@@ -120,7 +133,8 @@ impl Limits {
         }
     }
 
-    /// Returns how many bytes from `who` may wait for the role's loop; beyond that only its connection is held back.
+    /// Returns how many bytes from `who` may wait for the role's loop. Beyond that only its own connection is
+    /// held back.
     pub(super) fn inbox_bytes_of(&self, who: PeerName) -> usize {
         link::inbox_bytes(self.frame_bytes_of(who))
     }
@@ -130,19 +144,21 @@ impl Limits {
         if who.is_client_only() { self.client_idle_timeout } else { self.idle_timeout }
     }
 
-    /// Returns the settings of links that `who`, this process, dials: it says how long silence may last, and breaks it.
+    /// Returns the settings of links that `who`, this process, dials. This side sets the longest silence, and
+    /// sends the keep-alives.
     pub(super) fn dialling(&self, who: PeerName) -> Arc<TransportConfig> {
         let keep_alive = if who.is_client_only() { self.client_keep_alive } else { self.keep_alive };
         self.transport(self.idle_timeout_of(who), Some(keep_alive), 0)
     }
 
-    /// Returns the settings of links that others dial: the shorter of both sides' time-outs counts, so that ours only bounds theirs.
+    /// Returns the settings of links that others dial. The shorter of both sides' time-outs counts, so ours
+    /// only bounds theirs.
     pub(super) fn answering(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
         self.transport(self.idle_timeout.max(self.client_idle_timeout), None, bidirectional_streams)
     }
 
-    /// Returns the same for one caller, who keeps its part as long as QUIC knows of its connection; in haste if it had to prove its address, since
-    /// many call.
+    /// Returns the same as [`Self::answering`], for one caller. The settings hold its part for as long as
+    /// QUIC knows of its connection. A caller is `in_haste` if it had to prove its address because many call.
     pub(super) fn answering_caller(
         &self,
         bidirectional_streams: u8,
@@ -159,7 +175,8 @@ impl Limits {
         transport
     }
 
-    /// Returns settings with this longest silence, for a side that breaks it so often, or never.
+    /// Returns settings with this longest silence, for a side that sends keep-alives at this interval, or
+    /// none.
     pub(super) fn transport(
         &self,
         idle_timeout: Duration,

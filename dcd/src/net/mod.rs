@@ -1,9 +1,11 @@
 //! Carries byte frames between processes over QUIC, with an authority of our own, join tokens and mutual TLS.
 //!
-//! A server makes its own [`Authority`] on first start. The authority mints a [`Token`]; a new process trades it for an
-//! [`Identity`] with `join`; with an identity it starts its [`Net`] and dials others, each side proving its name.
-//! Frames are opaque here: this module knows neither messages nor physics. The interface is synchronous, with a small
-//! tokio runtime inside, so that a role's loop is a plain thread that reads [`NetEvents`].
+//! A server makes its own [`Authority`] on first start. The authority mints a [`Token`], which a new process
+//! trades for an [`Identity`] with `join`. With an identity the process starts its [`Net`] and dials others;
+//! each side proves its name.
+//!
+//! Frames are opaque here: this module knows neither messages nor physics. The interface is synchronous, with
+//! a small tokio runtime inside, so that a role's loop is a plain thread that reads [`NetEvents`].
 
 mod authority;
 mod base32;

@@ -1,23 +1,23 @@
-//! Paces the reading of a client's frames: a flood is left where it is, at its sender, and costs us nothing (generic cell rate
-//! algorithm, ITU-T I.371). Of a flood of datagrams, which have a pace of their own, the rest is dropped.
+//! Paces the reading of a client's frames by the generic cell rate algorithm (ITU-T I.371): a flood stays at
+//! its sender and costs us nothing. Datagrams have a pace of their own, and those beyond it are dropped.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What may come at once after a pause: all of this time.
+/// The burst that may come at once after a pause: this time's worth.
 const BURST: Duration = Duration::from_secs(1);
-/// A longer frame counts as several.
+/// The size up to which a frame counts as one; a longer one counts as several.
 const FRAME_BYTES: usize = 256;
 
 /// The pace at which frames of one peer are read.
 pub(super) struct Pace {
     per_frame: Duration,
-    /// When everything read so far would have come at an even pace.
+    /// When everything that was read so far would have come at an even pace.
     even_at: Mutex<Option<Instant>>,
 }
 
 impl Pace {
-    /// Returns a pace of so many frames per second; `None` does not hold anything back.
+    /// Returns a pace of `frames_per_s` frames per second; with `None` it holds nothing back.
     pub(super) fn new(frames_per_s: Option<u32>) -> Self {
         let per_frame = frames_per_s.map_or(Duration::ZERO, |rate| Duration::from_secs(1) / rate.max(1));
         Self { per_frame, even_at: Mutex::new(None) }
@@ -31,7 +31,8 @@ impl Pace {
         next.checked_sub(BURST).filter(|at| *at > now)
     }
 
-    /// Counts a datagram of this length, if it may be read now. Returns whether it may: once it had waited it would be of no use.
+    /// Returns whether a datagram of this length may be read now, and counts it if so. It is never read
+    /// later, since it would be of no use then.
     pub(super) fn admits(&self, now: Instant, bytes: usize) -> bool {
         let mut even_at = self.even_at();
         let next = self.next(*even_at, now, bytes);

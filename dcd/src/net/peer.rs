@@ -25,22 +25,22 @@ pub(super) struct Peer {
     pub(super) who: PeerName,
     connection: Connection,
     lanes: [Mutex<LaneSender>; LANES],
-    /// Bytes that wait for the world's lanes together.
+    /// The bytes that wait on the world's lanes together.
     queue: Queue,
-    /// Bytes that wait for the program lane.
+    /// The bytes that wait on the program lane.
     program_queue: Queue,
     inbox_bytes: usize,
     /// The longest frame accepted from the peer.
     frame_limit: usize,
     pace: Pace,
-    /// That of datagrams, which are dropped beyond it, and so hold no frame back.
+    /// The pace of datagrams. Those beyond it are dropped, and so hold no frame back.
     datagram_pace: Pace,
     counters: Counters,
     /// The rule that the peer broke, if it did.
     violation: Mutex<Option<String>>,
 }
 
-/// The number of bytes that wait, and how many may.
+/// The number of bytes that wait, and the most that may.
 struct Queue {
     bytes: AtomicUsize,
     limit: usize,
@@ -52,7 +52,7 @@ impl Queue {
     }
 }
 
-/// Both ends of all lanes, in the lanes' order.
+/// Both ends of all lanes, in the order of [`Lane::ALL`].
 pub(super) struct Lanes {
     senders: [SendStream; LANES],
     receivers: [RecvStream; LANES],
@@ -70,14 +70,14 @@ impl From<ConnectionError> for GreetError {
     }
 }
 
-/// Opens our lanes, accepts the peer's, and compares versions. The caller bounds the time.
+/// Opens our lanes, accepts the peer's, and compares versions. The caller bounds the time that this takes.
 pub(super) async fn greet(connection: &Connection) -> Result<Lanes, GreetError> {
     let mut senders = Vec::new();
     for lane in Lane::ALL {
         let mut stream = connection.open_uni().await?;
         let mut greeting = vec![lane.index() as u8];
         greeting.extend(PROTOCOL_VERSION.to_le_bytes());
-        // Errors here mean that the connection is gone, which accepting says better.
+        // Errors here mean that the connection is gone, which accepting reports better.
         let _ = stream.set_priority(-(lane.index() as i32));
         let _ = stream.write_all(&greeting).await;
         senders.push(stream);
@@ -170,7 +170,8 @@ impl Peer {
                 Ok(())
             }
             Err(quinn::SendDatagramError::ConnectionLost(_)) => Err(SendError::NotConnected),
-            // A path narrower than QUIC's minimum, or a peer without datagrams: ours always have them.
+            // The path is narrower than QUIC's minimum, or the peer takes no datagrams, which dcd's processes
+            // always do.
             Err(_) => {
                 self.counters.datagrams_dropped.fetch_add(1, Ordering::Relaxed);
                 Ok(())
@@ -194,7 +195,7 @@ impl Peer {
         self.counters.read(waiting.iter().sum(), &self.connection.stats())
     }
 
-    /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.
+    /// Sends what waits, and closes once the peer has it, or after `limits.linger` otherwise.
     pub(super) async fn close(&self, code: CloseCode, reason: &str, limits: &Limits) {
         let all_sent = async {
             for lane in Lane::ALL {
@@ -211,7 +212,8 @@ impl Peer {
         self.connection.close(code.into(), reason.as_bytes());
     }
 
-    /// Carries the connection until it ends; then all that arrived has been delivered. Returns how it ended.
+    /// Carries the connection until it has ended and all that arrived has been delivered. Returns how it
+    /// ended.
     pub(super) async fn run(
         self: &Arc<Self>,
         receivers: [RecvStream; LANES],
@@ -327,7 +329,8 @@ impl Peer {
 
 const DATAGRAM_INBOX_BYTES: usize = 64 << 10;
 
-/// Returns what a message takes of its inbox: its bytes and the overhead of carrying it, but never more than the whole inbox.
+/// Returns what a message takes of its inbox: its bytes and the overhead of carrying it, but at most the
+/// whole inbox.
 fn share_of(length: usize, inbox_bytes: usize) -> u32 {
     const OVERHEAD_BYTES: usize = 64;
     u32::try_from((length + OVERHEAD_BYTES).min(inbox_bytes)).unwrap_or(u32::MAX)

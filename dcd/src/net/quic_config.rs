@@ -1,4 +1,4 @@
-//! Configures QUIC for a process with an identity: for links that it makes, and for those that others make.
+//! Configures QUIC for a process with an identity: for links that it dials, and for those that others dial.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,11 +11,13 @@ use ring::hmac::{HMAC_SHA256, Key};
 use super::verify::{answering, dialling};
 use super::{Authority, Identity, Limits, NetError};
 
-/// The least time between two resets: a server that is back tells some thousand peers within their keep-alives.
+/// The least time between two stateless resets: a server that is back tells some thousand peers within their
+/// keep-alives.
 const RESET_APART: Duration = Duration::from_millis(1);
 
-/// Returns the settings of the endpoint. A process that is started again with its authority, or identity, recognises the links of its
-/// predecessor, and ends each by a stateless reset when something comes over it (RFC 9000, 10.3), long before the peer would time out.
+/// Returns the settings of the endpoint. A process that is started again with its authority or identity
+/// recognises the links of its predecessor. It ends each by a stateless reset when something arrives over it
+/// (RFC 9000, 10.3), long before the peer would time out.
 pub(super) fn endpoint_config(authority: Option<&Authority>, identity: &Identity) -> EndpointConfig {
     let resume = || Some(identity.resume()?.reset_key());
     let Some(key) = authority.map(Authority::reset_key).or_else(resume) else {
@@ -28,7 +30,7 @@ pub(super) fn endpoint_config(authority: Option<&Authority>, identity: &Identity
     config
 }
 
-/// Returns the settings for links that others make.
+/// Returns the settings for links that others dial.
 pub(super) fn server_config(
     identity: &Identity,
     anonymous_may_join: bool,
@@ -37,14 +39,14 @@ pub(super) fn server_config(
     let crypto = QuicServerConfig::try_from(answering(identity, anonymous_may_join)?)
         .map_err(|error| NetError::Tls(error.to_string()))?;
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
-    // What comes before a handshake is accepted waits in memory: few packets of few callers.
+    // Packets that arrive before a handshake is accepted wait in memory: a few packets of a few callers.
     config.max_incoming(256).incoming_buffer_size(16 << 10).incoming_buffer_size_total(4 << 20);
-    // One stream for a join; it is refused where none are answered.
+    // One bidirectional stream for a join, or none where joins are not answered.
     config.transport_config(limits.answering(u8::from(anonymous_may_join)));
     Ok(config)
 }
 
-/// Returns the settings for links that this process makes.
+/// Returns the settings for links that this process dials.
 pub(super) fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, NetError> {
     let crypto =
         QuicClientConfig::try_from(dialling(identity)?).map_err(|error| NetError::Tls(error.to_string()))?;

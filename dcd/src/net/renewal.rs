@@ -1,7 +1,8 @@
-//! Renews certificates: a process asks its server for a new one long before its own expires, and new links use it from then on.
+//! Renews certificates: a process asks its server for a new one long before its own expires, and new links
+//! use it from then on.
 //!
-//! Whoever holds the key of a certificate of this authority gets a new one for the same name, also when the old one has expired: a
-//! machine that slept, or whose clock was set, is who it was.
+//! The holder of the key of a certificate of this authority gets a new certificate for the same name, even if
+//! the old one has expired: a machine that slept, or whose clock was set, is still the same process.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -16,25 +17,27 @@ use super::renewal_request::RenewalRequest;
 use super::verify::fingerprint;
 use super::{Identity, NetError};
 
-/// The time between two looks at the wall clock, which may be set, or stand still in a machine that sleeps: until that is seen, others
-/// refuse new links with this process.
+/// The time between two looks at the wall clock, which jumps when it is set or when the machine has slept.
+/// Until the jump is seen, others refuse new links with this process.
 const LOOK: Duration = Duration::from_secs(1);
-/// The time after which the server is asked again, when it gave no certificate.
+/// The pause after which a server that gave no certificate is asked again.
 const RETRY: Duration = Duration::from_secs(10);
-/// How long the server may take to answer.
+/// The longest time that the server may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The share of its life after which a certificate is renewed.
+/// The share of a certificate's life after which it is renewed.
 const RENEW_AFTER: f64 = 2.0 / 3.0;
-/// A certificate is renewed after so much time that has passed, whatever the clock says: by one that is behind it seems to last for long.
+/// The most elapsed time after which a certificate is renewed, whatever the clock says: by a clock that is
+/// behind, it seems to last for long.
 const MOST: Duration = Duration::from_secs(16 * 3_600);
-/// The least time between two certificates for a process whose clock says of each new one that it has expired.
+/// The least elapsed time between two renewals, for a process by whose clock each new certificate has already
+/// expired.
 const LEAST: Duration = Duration::from_secs(300);
 
 /// Renews the identity of a process at its server, for as long as the process runs.
 pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, servers: Vec<SocketAddr>) {
     let left = |identity: &Identity, now| identity.expires().duration_since(now).unwrap_or_default();
     let (mut begun, mut counted) = (SystemTime::now(), Instant::now());
-    // One that has expired, as it seems, is renewed at once for the first time.
+    // The first renewal of a certificate that seems to have expired is made at once.
     let mut least = Duration::ZERO;
     let mut is_expiry_told = false;
     loop {
@@ -67,8 +70,9 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     }
 }
 
-/// Returns whether a certificate is due that was new then by the clock, and for which so much time has passed since: a machine that
-/// sleeps does not count that, and its clock does. `least`: where the clock says that it has expired.
+/// Returns whether a certificate is due that the process has had since `begun` by the clock, and for `passed`
+/// of elapsed time. The clock counts the time in which a machine sleeps, elapsed time does not. `least` is
+/// the least elapsed time, for a certificate that has expired by the clock.
 fn is_due(
     expires: SystemTime,
     begun: SystemTime,
@@ -81,7 +85,8 @@ fn is_due(
     (is_late && !left.is_zero()) || passed >= left.mul_f64(RENEW_AFTER).clamp(least, MOST)
 }
 
-/// Returns an identity with a new certificate, for a process that begins anew under the name that it had: it needs no token.
+/// Requests a new certificate and returns the identity with it, for a process that starts again under its
+/// former name. It needs no token.
 ///
 /// # Panics
 /// Inside a tokio runtime: this call blocks.
@@ -91,7 +96,7 @@ pub fn renew(servers: &[SocketAddr], identity: &Identity, timeout: Duration) -> 
     fresh(identity, server, &reply)
 }
 
-/// Returns the identity with a new certificate, which new links use from here on.
+/// Requests a new certificate and returns the identity with it. New links use it from here on.
 async fn renewed(shared: &Shared, identity: &Identity, servers: &[SocketAddr]) -> Result<Identity, NetError> {
     let request = RenewalRequest::of(identity)?.encode();
     let (server, reply) =
@@ -104,7 +109,7 @@ async fn renewed(shared: &Shared, identity: &Identity, servers: &[SocketAddr]) -
     Ok(fresh)
 }
 
-/// Returns the identity with the certificate of the server's answer.
+/// Returns the identity with the certificate in the server's answer.
 fn fresh(identity: &Identity, server: SocketAddr, reply: &[u8]) -> Result<Identity, NetError> {
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
     let admission = match decode_reply(reply).ok_or_else(|| broken("its answer cannot be read"))? {
@@ -143,7 +148,7 @@ mod tests {
         assert!(is_due(expires, ahead, ahead, Duration::ZERO, Duration::ZERO), "at the start");
         assert!(is_due(expires, begins, begins + 16 * HOUR, SECOND, LEAST), "the machine slept");
         assert!(is_due(expires, behind, begins + 23 * HOUR, SECOND, LEAST), "the clock is set right");
-        // A short life is not waited out.
+        // A renewal does not wait until a short life is over.
         assert!(is_due(begins + 30 * SECOND, begins, begins + 20 * SECOND, 20 * SECOND, LEAST));
     }
 }

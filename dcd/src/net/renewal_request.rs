@@ -6,21 +6,21 @@ use super::fields::{Fields, put_counted};
 use super::key::{Key, PublicKey};
 use super::{Identity, JoinRefusal, NetError, PROTOCOL_VERSION};
 
-/// Identifies a request whatever its version.
+/// The first bytes of a request for a new certificate, of any version.
 const MAGIC: [u8; 4] = *b"renw";
 
 /// A request for a new certificate.
 pub(super) struct RenewalRequest {
-    /// The one to be renewed, which names the process.
+    /// The certificate to be renewed, which names the process.
     pub(super) certificate: CertificateDer<'static>,
-    /// The key that the new one is for.
+    /// The key that the new certificate is for.
     pub(super) key: PublicKey,
-    /// The key, signed by that of the certificate.
+    /// The signature of `key` by the key of `certificate`.
     pub(super) proof: Vec<u8>,
 }
 
 impl RenewalRequest {
-    /// Returns whether these bytes are meant as one.
+    /// Returns whether these bytes begin as a renewal request.
     pub(super) fn is_one(bytes: &[u8]) -> bool {
         bytes.starts_with(&MAGIC)
     }

@@ -14,16 +14,18 @@ pub enum JoinRole {
     Node,
     /// Hosts avatars.
     Client,
-    /// Node and client in one process (thesis: the usual case).
+    /// Is node and client in one process (thesis: the usual case).
     Participant,
-    /// A client that may also build: insert, change and remove what is the world's own, as the server's program does.
+    /// Hosts avatars, and may also build: insert, change and remove what is the world's own, as the server's
+    /// program does.
     Builder,
 }
 
 impl JoinRole {
     const ALL: [Self; 5] = [Self::Server, Self::Node, Self::Client, Self::Participant, Self::Builder];
 
-    /// Returns whether a token for this role admits who wants to join as `wanted`: who may build is a client.
+    /// Returns whether a token for this role admits a process that wants to join as `wanted`. A builder's
+    /// token admits clients too.
     pub(super) fn admits(self, wanted: Self) -> bool {
         self == wanted || (self, wanted) == (Self::Builder, Self::Client)
     }
@@ -66,18 +68,19 @@ impl FromStr for JoinRole {
     }
 }
 
-/// A process's proven name: its role and the ids that the server gave it.
+/// The name of a process that its certificate proves: its role and the ids that the server gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PeerName {
-    /// `server.dcd`
+    /// The server, `server.dcd`.
     Server,
-    /// `node-3.dcd`
+    /// A node, as `node-3.dcd`.
     Node(NodeId),
-    /// `client-7.dcd`
+    /// A client, as `client-7.dcd`.
     Client(ClientId),
-    /// `node-3.dcd` and `client-7.dcd`
+    /// A participant, as `node-3.dcd` and `client-7.dcd`.
     Participant(NodeId, ClientId),
-    /// `builder-7.dcd`: the name says the right, so that whoever issued it need not remember.
+    /// A builder, as `builder-7.dcd`. The name states the right to build, so that whoever issued it need not
+    /// remember.
     Builder(ClientId),
 }
 
@@ -93,7 +96,7 @@ impl PeerName {
         }
     }
 
-    /// Returns the id as a node, if it is one.
+    /// Returns the id as a node; `None` if the process is none.
     pub fn node(self) -> Option<NodeId> {
         match self {
             Self::Node(node) | Self::Participant(node, _) => Some(node),
@@ -101,7 +104,7 @@ impl PeerName {
         }
     }
 
-    /// Returns the id as a client, if it is one.
+    /// Returns the id as a client; `None` if the process is none.
     pub fn client(self) -> Option<ClientId> {
         match self {
             Self::Client(client) | Self::Participant(_, client) | Self::Builder(client) => Some(client),
@@ -109,13 +112,13 @@ impl PeerName {
         }
     }
 
-    /// Returns whether it computes nothing: it plays, or builds.
+    /// Returns whether the process computes no regions: it is a client or a builder.
     pub(crate) fn is_client_only(self) -> bool {
         matches!(self, Self::Client(_) | Self::Builder(_))
     }
 
-    /// Returns whether a process that proved to be `self` is the one that was dialled: a participant answers to its names as node
-    /// and as client too.
+    /// Returns whether a process that proved to be `self` is the one that was dialled. A participant also
+    /// answers to its names as node and as client.
     pub fn answers_to(self, expected: PeerName) -> bool {
         match expected {
             Self::Server | Self::Participant(..) | Self::Builder(_) => self == expected,
@@ -124,7 +127,7 @@ impl PeerName {
         }
     }
 
-    /// Returns the name of `role` with these ids, if exactly the ids that the role has are given.
+    /// Returns the name with this role and these ids, if they are exactly the ids that the role has.
     pub(super) fn from_parts(role: JoinRole, node: Option<NodeId>, client: Option<ClientId>) -> Option<Self> {
         match (role, node, client) {
             (JoinRole::Server, None, None) => Some(Self::Server),
@@ -148,7 +151,7 @@ impl PeerName {
         names
     }
 
-    /// Returns the name of a certificate with exactly these DNS names.
+    /// Returns the name that a certificate with exactly these DNS names proves.
     pub(super) fn from_dns_names<'a>(names: impl Iterator<Item = &'a str>) -> Option<Self> {
         let (mut server, mut builds, mut node, mut client) = (false, false, None, None);
         for name in names {
@@ -168,7 +171,7 @@ impl PeerName {
         let role = match (server, node.is_some(), client.is_some()) {
             (true, ..) => JoinRole::Server,
             (false, false, true) if builds => JoinRole::Builder,
-            // A node that builds is nobody's name.
+            // No process is both node and builder.
             (false, true, true) if builds => return None,
             (false, true, true) => JoinRole::Participant,
             (false, true, false) => JoinRole::Node,

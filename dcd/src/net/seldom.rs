@@ -1,12 +1,13 @@
-//! Keeps strangers from filling the log: of what they cause, one line a second is written, with the count of those left out.
+//! Keeps strangers from filling the log: one line per second is written about what they cause, with the count
+//! of those left out.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The time between two lines.
+/// The least time between two lines.
 const APART: Duration = Duration::from_secs(1);
 
-/// Decides which of many like events are logged.
+/// A limit on how many of many like events are logged.
 #[derive(Debug, Default)]
 pub(super) struct Seldom(Mutex<Past>);
 

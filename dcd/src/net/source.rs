@@ -1,5 +1,6 @@
-//! Shares what callers cost among the places that they call from: of calls that prove their address some are ignored, at random where all come
-//! from one place and call once; who calls again, as everybody does that means it, goes first.
+//! Shares what callers cost among the places that they call from. Some of the calls that prove their address
+//! are ignored: at random where all come from one place and call once. A caller that calls again, as every
+//! honest one does, goes first.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, VecDeque};
@@ -9,21 +10,24 @@ use std::time::{Duration, Instant};
 
 use quinn::ConnectionId;
 
-/// The time that a handshake may take of the network's thread is that of one in so long with one source, and of one in half as long with all.
-/// It takes some 0.2 ms.
+/// The pace of handshakes: one per this time from one source, and one per half of it from all. A handshake
+/// takes some 0.2 ms of the network's thread.
 const EACH: Duration = Duration::from_millis(1);
-/// What may come at once after a pause: all of this time. Who calls for the first time has half of it; of what all have together, sources that
-/// have more than a few connections have three eighths of that, so that what is left is for those from elsewhere.
+/// The burst that may come at once after a pause: this time's worth. A caller that calls for the first time
+/// has half of it. Of the burst of all sources, one with [`FEW`] or more connections has three eighths of
+/// that, so that the rest is left for callers from elsewhere.
 const BURST: Duration = Duration::from_millis(512);
-/// A source with fewer connections than these goes before the others.
+/// A source with fewer connections than this goes before the others.
 const FEW: usize = 8;
-/// Who calls so long after it was first ignored calls again. A dcd process does after 300 ms (`link::FIRST_PROBE`), others after a second (RFC 9002,
-/// 6.2.2): packets that were sent in a row, or twice by the way, are the same call.
+/// The time after which an ignored call that comes once more counts as a caller that calls again. A dcd
+/// process calls again after 300 ms (`link::FIRST_PROBE`), others after a second (RFC 9002, 6.2.2). Packets
+/// that were sent in a row, or doubled on the way, are the same call.
 const AGAIN: Duration = Duration::from_millis(250);
-/// The calls that are known to have been ignored: those of more than a second at 10,000 per second.
+/// The number of ignored calls that are remembered: those of more than a second, at 10,000 per second.
 const KNOWN: usize = 16_384;
 
-/// The place that a caller writes from: an IPv4 address, or all IPv6 addresses whose first 64 bits are the same, which are one customer's.
+/// The place that a caller writes from: an IPv4 address, or all IPv6 addresses with the same first 64 bits,
+/// which belong to one customer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Source(IpAddr);
 
@@ -36,10 +40,10 @@ impl Source {
     }
 }
 
-/// A call, by where it comes from and what its caller called it first.
+/// A call: the address that it comes from, and the connection id that its caller chose first.
 pub(super) type Call = (SocketAddr, ConnectionId);
 
-/// So many connections of each source are there.
+/// The number of connections of each source.
 #[derive(Clone, Debug, Default)]
 struct Counts(Arc<Mutex<BTreeMap<Source, usize>>>);
 
@@ -49,7 +53,7 @@ impl Counts {
     }
 }
 
-/// The part that a call has in what its source may have, until it is given back or dropped.
+/// The part that a call takes of what its source may have, until it is given back or dropped.
 #[derive(Debug)]
 pub(super) struct Part {
     counts: Counts,
@@ -62,7 +66,7 @@ impl Part {
         Arc::new(Self { counts: counts.clone(), source: Mutex::new(Some(source)) })
     }
 
-    /// Gives it back before its connection is over, which is a peer's now.
+    /// Gives the part back before the connection is over: the connection is a peer's from now on.
     pub(super) fn give_back(&self) {
         let Some(source) = self.source.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
         let mut counts = self.counts.lock();
@@ -81,30 +85,33 @@ impl Drop for Part {
     }
 }
 
-/// Knows the calls of late.
+/// The calls of late, by which the room for callers is shared out.
 #[derive(Debug)]
 pub(super) struct Calls {
     handshakes: usize,
     closing: usize,
     counts: Counts,
-    /// When those of each source, and all, would have come at an even pace; of a source that keeps to it nothing is known.
+    /// When the calls of each source, and those of all, would have come at an even pace. A source that keeps
+    /// to the pace has no entry.
     even_at: BTreeMap<Source, Instant>,
     all_even_at: Option<Instant>,
-    /// Those that were ignored last, in order and by themselves, and when they first were.
+    /// The calls that were ignored last: in order, and with the time when each was ignored first.
     ignored: VecDeque<(Instant, Call)>,
     known: BTreeMap<Call, Instant>,
 }
 
 impl Calls {
-    /// Returns what shares out the room for so many handshakes, and for so many connections beside them that come to their end.
+    /// Returns the record that shares out the room for `handshakes` handshakes, and for `closing` connections
+    /// besides that come to their end.
     pub(super) fn new(handshakes: usize, closing: usize) -> Self {
         let (even_at, all_even_at) = (BTreeMap::new(), None);
         let (ignored, known) = (VecDeque::new(), BTreeMap::new());
         Self { handshakes, closing, counts: Counts::default(), even_at, all_even_at, ignored, known }
     }
 
-    /// Notes a call that comes while so many connections are there, and a handshake may begin or not. Returns its part if it is to be taken: at
-    /// the pace of its source and of all, and while its source has less of those that come to their end than there is room left for.
+    /// Notes a call that comes while `there` connections exist; `may_begin` says whether a handshake may
+    /// begin. Returns the call's part if it is to be taken. It must keep to the pace of its source and of
+    /// all, and its source must have less of the connections that come to their end than there is room left.
     pub(super) fn take(
         &mut self,
         now: Instant,
@@ -129,8 +136,9 @@ impl Calls {
         Some(Part::new(&self.counts, source))
     }
 
-    /// Returns whether a source that has so many of those that are there may have one more. Of those beyond the handshakes, as large a part is
-    /// its own as it has of all; one source may so have half of what comes to its end, two a third each, and there is always some left.
+    /// Returns whether a source that has `of_it` of the `there` connections may have one more. Its share of
+    /// those beyond the handshakes is assumed to be its share of all. So one source may have half of the room
+    /// for what comes to its end, two a third each, and some is always left.
     fn has_room(&self, of_it: usize, there: usize) -> bool {
         let over = there.saturating_sub(self.handshakes);
         let left = self.closing.saturating_sub(over);
@@ -141,7 +149,7 @@ impl Calls {
         let next = |even_at: Option<Instant>, each| even_at.map_or(now, |at| at.max(now)) + each;
         self.all_even_at = Some(next(self.all_even_at, EACH / 2));
         let even_at = next(self.even_at.get(&source).copied(), EACH);
-        // No more of them are ahead of the pace than come in a burst of all.
+        // No more sources are ahead of the pace than call in one burst of all.
         self.even_at.retain(|_, at| *at > now);
         self.even_at.insert(source, even_at);
     }
@@ -151,7 +159,7 @@ impl Calls {
             entry.insert(now);
             self.ignored.push_back((now, call));
         }
-        // One that was taken, and ignored again later, has a newer entry.
+        // A call that was taken, and ignored again later, has a newer entry.
         if self.ignored.len() > KNOWN
             && let Some((at, oldest)) = self.ignored.pop_front()
             && self.known.get(&oldest) == Some(&at)
@@ -173,7 +181,7 @@ mod tests {
         Source::of(addr.parse().unwrap())
     }
 
-    /// A call from a host, by its number.
+    /// Returns a call from a host, by its number.
     fn call(host: u8, number: u32) -> Call {
         (([192, 0, 2, host], 7).into(), ConnectionId::new(&number.to_be_bytes()))
     }
@@ -186,12 +194,13 @@ mod tests {
         assert_ne!(at("[2001:db8:0:1::7]:1"), at("[2001:db8:0:2::7]:1"));
     }
 
-    /// Takes what these hosts call in turns until no more are taken. Returns how many are there.
+    /// Takes what these hosts call in turns until no more calls are taken. Returns how many connections are
+    /// there.
     fn fill(calls: &mut Calls, parts: &mut Vec<(u8, Arc<Part>)>, hosts: &[u8]) -> usize {
         let now = Instant::now();
         for number in 0..1_000 {
             for &host in hosts {
-                // The pace holds none of them back.
+                // Without a pace that holds any of them back.
                 (calls.even_at, calls.all_even_at) = (BTreeMap::new(), None);
                 parts.extend(calls.take(now, call(host, number), parts.len(), true).map(|part| (host, part)));
             }
@@ -241,7 +250,7 @@ mod tests {
             let now = start + number * Duration::from_micros(100);
             for host in [1, 2] {
                 parts.extend(calls.take(now, call(host, number), 0, true));
-                // What came before calls again.
+                // A call from before is repeated.
                 if let Some(before) = number.checked_sub(3_000) {
                     parts.extend(calls.take(now, call(host, before), 0, true));
                 }
@@ -261,7 +270,7 @@ mod tests {
         let taken = (0..1_000).filter(|&number| take(start, number)).count();
         assert_eq!(taken, 257);
         assert!(!take(start, 999), "in a row");
-        // As many as come in a burst of who calls for the first time.
+        // As many as the burst of callers that call for the first time.
         assert_eq!((1_000..2_000).filter(|&number| take(late, number)).count(), 250);
         assert!(take(late, 999), "it calls again");
         assert!(!take(late, 999), "it was taken");

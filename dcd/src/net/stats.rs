@@ -14,36 +14,38 @@ use quinn::ConnectionStats;
 #[cfg(feature = "physics")]
 use super::PeerKey;
 
-/// Traffic over one connection. Bytes are those of frames and datagrams, without QUIC's own.
+/// The traffic over one connection, or a sum over several. Bytes are those of frames and datagrams, without
+/// QUIC's own, unless they are named UDP.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PeerStats {
     /// Bytes of messages received.
     pub bytes_in: u64,
-    /// Bytes of messages given to send.
+    /// Bytes of messages handed over for sending.
     pub bytes_out: u64,
-    /// Bytes of UDP received: messages, and what QUIC adds.
+    /// Bytes of UDP received: messages and what QUIC adds.
     pub udp_bytes_in: u64,
     /// Bytes of UDP sent.
     pub udp_bytes_out: u64,
     /// Frames received.
     pub frames_in: u64,
-    /// Frames given to send.
+    /// Frames handed over for sending.
     pub frames_out: u64,
-    /// Frames that a client sent faster than it may, and that were read later therefore.
+    /// Frames that a client sent faster than it may, and that were therefore read later.
     pub frames_held_back: u64,
     /// Datagrams received.
     pub datagrams_in: u64,
-    /// Datagrams given to send.
+    /// Datagrams handed over for sending.
     pub datagrams_out: u64,
-    /// Datagrams that we dropped: the link was congested, our own loop was slow to read them, or a client sent more than it may.
+    /// Datagrams dropped at this end: the link was congested, this process was slow to read them, or a client
+    /// sent more than it may.
     pub datagrams_dropped: u64,
-    /// Bytes that wait because the peer or the link is slow.
+    /// Bytes that wait to be sent because the peer or the link is slow.
     pub bytes_waiting: u64,
     /// Packets of QUIC sent.
     pub packets_out: u64,
     /// Packets lost on the way, as far as QUIC knows.
     pub packets_lost: u64,
-    /// Smoothed round trip as QUIC sees it. In totals: of the slowest peer.
+    /// The smoothed round trip as QUIC measures it; in totals, that of the slowest peer.
     pub rtt: Duration,
 }
 
@@ -58,7 +60,8 @@ pub struct NetTotals {
     pub joins_granted: u64,
     /// Joins refused, and anonymous peers that sent anything else.
     pub joins_refused: u64,
-    /// Handshakes that failed or were turned away, and calls beyond the pace or the room that their place or all have.
+    /// Handshakes that failed or were turned away, and calls beyond the pace or the room of their place or of
+    /// all.
     pub handshakes_refused: u64,
     /// Connections closed because the peer broke a rule.
     pub violations: u64,
@@ -92,7 +95,7 @@ pub(crate) struct Counted {
     pub(crate) links: BTreeMap<PeerKey, PeerStats>,
 }
 
-/// Keeps what was counted last.
+/// The last count, and whether another one is under way.
 #[cfg(feature = "physics")]
 #[derive(Default)]
 pub(super) struct Counting {
@@ -106,7 +109,7 @@ impl Counting {
         self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Returns whether the caller is to count, since nobody does.
+    /// Returns whether the caller is to count, because nobody else does.
     pub(super) fn begin(&self) -> bool {
         !self.is_under_way.swap(true, Ordering::Relaxed)
     }

@@ -1,4 +1,5 @@
-//! Encodes and checks the texts that admit a process: a join token (once, or so many times), and a resume key (the same ids again).
+//! Encodes and checks the texts that admit a process: a join token, good for one join or several, and a
+//! resume key, which gives the same ids again.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,23 +10,24 @@ use super::fields::Fields;
 use super::{JoinRole, PeerName, TokenError};
 use crate::space::{ClientId, NodeId};
 
-/// A join token: lets one process join, or so many, in one role, until it expires. One line of text.
+/// A join token, as one line of text: it lets one process or several join, in one role, until it expires.
 ///
-/// The joiner reads two things in it: the role, and the fingerprint by which it knows the server's authority. That the
-/// authority minted it is for the server alone to check.
+/// The joiner reads two things in it: the role, and the fingerprint by which it knows the server's authority.
+/// Only the server can check that the authority minted it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Token {
     pub(super) role: JoinRole,
     pub(super) nonce: [u8; NONCE_BYTES],
     pub(super) expires_unix_s: u64,
-    /// How many joins it is good for.
+    /// The number of joins that it is good for.
     pub(super) uses: u32,
     /// SHA-256 of the authority's certificate.
     pub(super) fingerprint: [u8; 32],
     pub(super) seal: [u8; SEAL_BYTES],
 }
 
-/// A resume key: proof that the authority gave these ids to the bearer before; with it and a fresh token they are given again.
+/// A resume key: proof that the authority gave these ids to the bearer before. With it and a fresh token the
+/// bearer gets them again.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumeKey {
     pub(super) who: PeerName,
@@ -42,7 +44,7 @@ const RESUME_PREFIX: &str = "dcdr1-";
 const OTHER_LENGTH: TokenError = TokenError::Malformed("its length is another");
 
 impl Token {
-    /// Returns the role that the bearer joins as.
+    /// Returns the role in which the bearer joins.
     pub fn role(&self) -> JoinRole {
         self.role
     }
@@ -78,7 +80,7 @@ impl Token {
         bytes.extend(self.nonce);
         bytes.extend(self.expires_unix_s.to_be_bytes());
         bytes.extend(self.fingerprint);
-        // Those for one join are as they were before there were others.
+        // Tokens for one join keep the format of before there were tokens for several.
         if self.uses != 1 {
             bytes.extend(self.uses.to_be_bytes());
         }
@@ -122,7 +124,8 @@ impl ResumeKey {
         key
     }
 
-    /// Returns the key by which a process recognises links of its predecessor, and proves to their peers that they are over.
+    /// Returns the key by which a process recognises links of its predecessor and proves to their peers that
+    /// those links are over.
     pub(super) fn reset_key(&self) -> [u8; 64] {
         reset_key(&self.seal)
     }
@@ -175,7 +178,8 @@ impl Secret {
     }
 
     fn has_sealed(&self, purpose: &[u8], content: &[u8], seal: &[u8; SEAL_BYTES]) -> bool {
-        // A second keyed hash of both makes the time of the comparison tell nothing: blake3's equality is constant-time.
+        // A second keyed hash of both makes the time of the comparison tell nothing: blake3's equality is
+        // constant-time.
         let expected = self.seal(purpose, content);
         blake3::keyed_hash(&self.0, &expected) == blake3::keyed_hash(&self.0, seal)
     }

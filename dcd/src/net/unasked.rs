@@ -1,7 +1,13 @@
-//! Keeps who begins a handshake and does not finish it, connections that have not greeted or asked for anything yet, and those that were refused:
-//! where there is no room for another, one of the source that has most gives way, so that who only occupies places does not keep others from joining.
-//! Within a source that is one of those of which it has more, of whom has yet to finish a handshake or who has, and of these who has waited longest.
-//! Who has proved its name gives way last, a few times under one name: with its certificate a process may call as often as it likes.
+//! Lists connections that only occupy places, and ends one of them when there is no room for another:
+//! unfinished handshakes, connections that have not greeted or asked for anything yet, and refused ones.
+//!
+//! So callers that only occupy places do not keep others from joining. Which one gives way:
+//!
+//! - **Source.** One of the source that has most.
+//! - **Kind.** Within a source, one of the kind that it has more of: unfinished handshakes, or connections.
+//!   Of these, the one that has waited longest.
+//! - **Proven names.** Connections that have proved their name give way last, but only a few under one name:
+//!   with its certificate a process may call as often as it likes.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +20,7 @@ use tokio::sync::Notify;
 use super::source::Source;
 use super::{CloseCode, PeerName};
 
-/// Connections by the sources that they come from, in the order in which they came.
+/// The connections by the source that they come from, in the order in which they came.
 #[derive(Default)]
 pub(super) struct Unasked(Mutex<Waiting>);
 
@@ -22,9 +28,9 @@ pub(super) struct Unasked(Mutex<Waiting>);
 struct Waiting {
     next: u64,
     places: BTreeMap<u64, Waiter>,
-    /// Those that have proved their names.
+    /// Those that have proved their names, as far as they give way last.
     proven: BTreeSet<u64>,
-    /// All others by source: handshakes that are not finished, and connections.
+    /// All others by source: unfinished handshakes, and connections.
     strangers: BTreeMap<Source, [BTreeSet<u64>; 2]>,
 }
 
@@ -35,10 +41,11 @@ struct Waiter {
     source: Source,
 }
 
-/// So many connections of one name give way last: a peer is called at several addresses at once.
+/// The number of connections under one name that give way last. It is above one because a peer is called at
+/// several addresses at once.
 const OF_ONE_NAME: usize = 8;
 
-/// A connection's place among them, until it is dropped.
+/// A connection's place among them, which it has until this is dropped.
 pub(super) struct Place<'a> {
     of: &'a Unasked,
     number: u64,
@@ -46,7 +53,7 @@ pub(super) struct Place<'a> {
 }
 
 impl Waiting {
-    /// Takes out a place; `None` once it is given up.
+    /// Takes out a place; returns `None` if it was given up before.
     fn remove(&mut self, number: u64) -> Option<Waiter> {
         let waiter = self.places.remove(&number)?;
         self.proven.remove(&number);
@@ -59,7 +66,7 @@ impl Waiting {
         Some(waiter)
     }
 
-    /// Returns which is to give way next.
+    /// Returns the place that is to give way next.
     fn first(&self) -> Option<u64> {
         let count_and_oldest = |kinds: &[BTreeSet<u64>; 2]| {
             let oldest = kinds.iter().filter_map(BTreeSet::first).min().copied();
@@ -68,23 +75,25 @@ impl Waiting {
         let Some([begun, made]) = self.strangers.values().max_by_key(|kinds| count_and_oldest(kinds)) else {
             return self.proven.first().copied();
         };
-        // Who has answered, and so may ask in a moment, is not pushed out by those who call and fall silent; nor do the idle push out all who call.
+        // A caller that has answered, and so may ask in a moment, is not pushed out by callers that fall
+        // silent. Nor do idle connections push out all new callers.
         if begun.len() < made.len() { made } else { begun }.first().copied()
     }
 }
 
 impl Unasked {
-    /// Notes who begins a handshake, which has no connection yet.
+    /// Adds a caller that begins a handshake, which has no connection yet.
     pub(super) fn enter_begun(&self, from: SocketAddr) -> Place<'_> {
         self.enter_as(from, None, None)
     }
 
-    /// Notes a connection that may ask now, or read why it was refused.
+    /// Adds a connection that may ask now, or may read why it was refused.
     pub(super) fn enter(&self, connection: &Connection) -> Place<'_> {
         self.enter_as(connection.remote_address(), None, Some(connection))
     }
 
-    /// Notes a connection with a process that has proved its name and is to greet: its token may have been used up a moment ago.
+    /// Adds a connection with a process that has proved its name and is to greet. It gives way last, since
+    /// its token may have been used up a moment ago.
     pub(super) fn enter_proven(&self, who: PeerName, connection: &Connection) -> Place<'_> {
         self.enter_as(connection.remote_address(), Some(who), Some(connection))
     }
@@ -114,12 +123,12 @@ impl Unasked {
         Place { of: self, number, gives_way }
     }
 
-    /// Returns how many there are.
+    /// Returns the number of places.
     pub(super) fn count(&self) -> usize {
         self.lock().places.len()
     }
 
-    /// Ends one of those that have most; returns whether there was any. Its handshake slot is free soon.
+    /// Ends the one that is to give way next. Returns whether there was any. Its handshake slot is free soon.
     pub(super) fn give_way(&self) -> bool {
         let mut waiting = self.lock();
         let waiter = waiting.first().and_then(|number| waiting.remove(number));
@@ -139,12 +148,12 @@ impl Unasked {
 }
 
 impl Place<'_> {
-    /// Returns whether it has been told to give way: another waits for it.
+    /// Returns whether this place was told to give way because another caller waits for it.
     pub(super) fn is_given_up(&self) -> bool {
         !self.of.lock().places.contains_key(&self.number)
     }
 
-    /// Returns once it has to give way.
+    /// Returns once this place has to give way.
     pub(super) async fn gives_way(&self) {
         self.gives_way.notified().await;
     }
@@ -212,7 +221,7 @@ mod tests {
     #[test]
     fn who_has_answered_is_not_pushed_out_by_who_calls_and_falls_silent_nor_the_other_way_round() {
         let unasked = Unasked::default();
-        // One of a name that has too many counts as a stranger that has answered.
+        // A connection beyond the number for one name counts as a stranger that has answered.
         let _named: Vec<_> = (0..OF_ONE_NAME).map(|_| unasked.enter_as(at(3), Some(name(1)), None)).collect();
         let answered = || unasked.enter_as(at(1), Some(name(1)), None);
         let begun = || unasked.enter_begun(at(1));

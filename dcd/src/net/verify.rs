@@ -1,4 +1,5 @@
-//! Configures TLS for all dcd processes: version 1.3, ring, our own authority, no resumption and no early data.
+//! Configures TLS for all dcd processes: version 1.3, ring, our own authority, no resumption and no early
+//! data.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -37,7 +38,7 @@ pub(super) fn names_of(certificate: &CertificateDer<'_>) -> Option<PeerName> {
     PeerName::from_dns_names(certificate.valid_dns_names())
 }
 
-/// Returns whom a certificate of this authority names, also one that has expired.
+/// Returns the name in a certificate of this authority, even if the certificate has expired.
 pub(super) fn owner_of(
     certificate: &CertificateDer<'_>,
     authority: &CertificateDer<'_>,
@@ -59,7 +60,7 @@ pub(super) fn owner_of(
     names_of(certificate)
 }
 
-/// Returns whether a signature is by the key of this certificate.
+/// Returns whether a signature was made with the key of this certificate.
 pub(super) fn is_signed_by(certificate: &CertificateDer<'_>, message: &[u8], signature: &[u8]) -> bool {
     webpki::EndEntityCert::try_from(certificate)
         .is_ok_and(|parsed| parsed.verify_signature(webpki::ring::ED25519, message, signature).is_ok())
@@ -71,7 +72,8 @@ pub(super) fn names_of_peer(peer_identity: Option<Box<dyn Any>>) -> Option<PeerN
     names_of(chain.first()?)
 }
 
-/// Configures the answering side: everyone proves its name, except that a server lets anonymous peers in to join.
+/// Configures the answering side: every caller proves its name, except that a server lets anonymous ones
+/// join.
 pub(super) fn answering(identity: &Identity, anonymous_may_join: bool) -> Result<ServerConfig, NetError> {
     let roots = Arc::new(roots(&identity.authority)?);
     let mut clients = WebPkiClientVerifier::builder_with_provider(roots, provider());
@@ -103,7 +105,7 @@ pub(super) fn dialling(identity: &Identity) -> Result<ClientConfig, NetError> {
     Ok(for_dcd(config))
 }
 
-/// Configures dialling a server without an identity: it must show the authority that the token names.
+/// Configures dialling a server without an identity. The server must show the authority that the token names.
 pub(super) fn joining(fingerprint: [u8; 32]) -> Result<ClientConfig, NetError> {
     let verifier = PinnedAuthority { fingerprint };
     let config = ClientConfig::builder_with_provider(provider())
@@ -127,7 +129,7 @@ static SIGNATURES: WebPkiSupportedAlgorithms = WebPkiSupportedAlgorithms {
     mapping: &[(SignatureScheme::ED25519, &[webpki::ring::ED25519])],
 };
 
-/// Returns the cryptography of all links: no more of it than our own processes use.
+/// Returns the cryptography of all links: only what our own processes use.
 fn provider() -> Arc<CryptoProvider> {
     Arc::new(CryptoProvider {
         cipher_suites: vec![
@@ -162,7 +164,8 @@ fn tls(error: impl std::fmt::Display) -> NetError {
     NetError::Tls(error.to_string())
 }
 
-/// A certificate verifier that trusts the one authority with this fingerprint, and through it the server as usual.
+/// A certificate verifier that trusts the one authority with this fingerprint, and through it the server, as
+/// usual.
 #[derive(Debug)]
 struct PinnedAuthority {
     fingerprint: [u8; 32],

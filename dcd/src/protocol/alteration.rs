@@ -1,4 +1,5 @@
-//! Defines how a server's program changes what no step changes of bodies and joints that nodes compute.
+//! Defines how a server's program changes properties of bodies and joints that no step changes, while nodes
+//! compute them.
 
 use std::sync::Arc;
 
@@ -7,21 +8,22 @@ use bincode::{Decode, Encode};
 use super::{BodyTraits, Check, Invalid, JointRecord};
 use crate::space::BodyId;
 
-/// What a body or a joint is from now on.
+/// A change of what a body or a joint is.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Alteration {
-    /// A movable body has these traits and user data; number, shapes and places of its colliders are as before.
+    /// A movable body gets these traits and this user data. The number, shapes and places of its colliders
+    /// stay as they were.
     Body {
-        /// Which.
+        /// The body.
         body: BodyId,
-        /// Those of before count no more.
+        /// The new traits, which replace the former ones.
         traits: Arc<BodyTraits>,
-        /// The user's own.
+        /// The user's own number.
         user_data: u128,
-        /// Whether it is woken.
+        /// Whether the body is woken.
         wakes: bool,
     },
-    /// A joint has these frames, limits, motors and settings; its bodies are as before.
+    /// A joint gets these frames, limits, motors and settings. Its bodies stay as they were.
     Joint(Box<JointRecord>),
 }
 

@@ -1,11 +1,11 @@
-//! Groups new bodies into assemblies, which come together: what joints tie, with its shapes.
+//! Groups new bodies into assemblies, which are sent together: bodies that joints tie, with their shapes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord, encoded_len, most_items};
 use crate::space::{BodyId, Groups};
 
-/// New bodies that come together, with the shapes that nobody has yet.
+/// New bodies that are sent together, with the shapes that no receiver has yet.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Assembly {
     pub bodies: Vec<BodyRecord>,
@@ -18,7 +18,7 @@ impl Assembly {
         encoded_len(&self.bodies) + encoded_len(&self.shapes) + encoded_len(&self.joints)
     }
 
-    /// Returns whether it takes no more than so many bytes, and who reads it has room for it.
+    /// Returns whether it takes at most `bytes` bytes, and its reader has room for it.
     pub(crate) fn fits(&self, bytes: usize) -> bool {
         let (bodies, joints) = (most_items::<BodyRecord>(), most_items::<JointRecord>());
         self.len() <= bytes && self.bodies.len() <= bodies && self.joints.len() <= joints
@@ -35,8 +35,8 @@ impl Assembly {
     }
 }
 
-/// Returns the assemblies of new bodies, fixed bodies one by one first, each with all of these shapes that it has, parts before compounds:
-/// one may be refused, and the next must not lack its shapes.
+/// Returns the assemblies of new bodies: first the fixed bodies, one by one. Each assembly has all of these
+/// shapes that it uses, parts before compounds: if one is refused, the next must not lack its shapes.
 pub(crate) fn assemblies(
     bodies: &[BodyRecord],
     shapes: &[ShapeRecord],
@@ -69,7 +69,8 @@ pub(crate) fn assemblies(
     found.into_values().collect()
 }
 
-/// Puts assemblies together, in order, as long as they take at most so many bytes.
+/// Joins assemblies, in order, into parts of at most `bytes` bytes each. An assembly that is longer is a part
+/// of its own.
 pub(crate) fn gathered(assemblies: Vec<Assembly>, bytes: usize) -> Vec<Assembly> {
     let mut parts: Vec<Assembly> = Vec::new();
     let mut room = 0;
@@ -87,7 +88,7 @@ pub(crate) fn gathered(assemblies: Vec<Assembly>, bytes: usize) -> Vec<Assembly>
     parts
 }
 
-/// Takes the shapes of a body, parts before compounds, out of those that are left.
+/// Removes the shapes of a body from `left` and returns them, parts before compounds.
 pub(crate) fn take_shapes_of(
     body: &BodyRecord,
     left: &mut BTreeMap<ShapeHash, ShapeRecord>,

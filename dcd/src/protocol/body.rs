@@ -1,4 +1,5 @@
-//! Defines the wire form of a rigid body: complete, so that nothing is lost when it changes region, process or machine.
+//! Defines the wire form of a rigid body. It is complete, so that nothing is lost when a body changes region,
+//! process or machine.
 
 use std::sync::Arc;
 
@@ -9,13 +10,13 @@ use serde::{Deserialize, Serialize};
 use super::{Character, Drive, Gait, ShapeHash, ShapeRecord, Vehicle};
 use crate::space::{BodyId, Epoch};
 
-/// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a unit
-/// quaternion x, y, z, w.
+/// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a
+/// unit quaternion x, y, z, w.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct WorldPose {
-    /// Metres.
+    /// The position, metres.
     pub translation: [f64; 3],
-    /// Unit quaternion, scalar last.
+    /// The rotation, a unit quaternion, scalar last.
     pub rotation: [f32; 4],
 }
 
@@ -33,13 +34,14 @@ impl WorldPose {
         Isometry3::from_parts(Translation3::from(self.translation), rotation)
     }
 
-    /// Interpolates between this pose (`t` = 0) and `other` (`t` = 1): positions in a straight line, rotations by SLERP the
-    /// shorter way (thesis 4.3.2.10). For drawing between ticks; `t` outside 0 to 1 extrapolates.
+    /// Returns the pose between this one (`t` = 0) and `other` (`t` = 1), for drawing between ticks:
+    /// positions in a straight line, rotations by SLERP the shorter way (thesis 4.3.2.10). A `t` outside 0 to
+    /// 1 extrapolates.
     #[must_use]
     pub fn interpolated(&self, other: &Self, t: f64) -> Self {
         let (a, b) = (self.isometry(), other.isometry());
         let translation = a.translation.vector.lerp(&b.translation.vector, t);
-        // Opposite rotations have no shorter way; halfway between them either end is as good.
+        // Opposite rotations have no shorter way. Halfway between them either end is as good.
         let rotation = a.rotation.try_slerp(&b.rotation, t, 1e-9).unwrap_or(a.rotation);
         Self {
             translation: translation.into(),
@@ -47,7 +49,7 @@ impl WorldPose {
         }
     }
 
-    /// Extrapolates the pose by `seconds` at this velocity: a straight line and a constant turn.
+    /// Returns the pose after `seconds` at this velocity: along a straight line, with a constant spin.
     #[must_use]
     pub fn moved(&self, velocity: &Velocity, seconds: f64) -> Self {
         let turn = velocity.angular.map(f64::from);
@@ -74,12 +76,12 @@ impl Default for WorldPose {
     }
 }
 
-/// A pose relative to something nearer than the world: a collider on its body, a joint's frame.
+/// A pose relative to something nearer than the world, such as a collider on its body, or a joint's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Pose {
-    /// Metres.
+    /// The position, metres.
     pub translation: [f32; 3],
-    /// Unit quaternion, scalar last.
+    /// The rotation, a unit quaternion, scalar last.
     pub rotation: [f32; 4],
 }
 
@@ -93,25 +95,25 @@ impl Pose {
 /// An impulse on a body: linear (N s) and angular (N m s, about its centre of mass), in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Impulse {
-    /// Newton seconds.
+    /// The linear impulse, newton seconds.
     pub linear: [f32; 3],
-    /// Newton metre seconds.
+    /// The angular impulse, newton metre seconds.
     pub angular: [f32; 3],
 }
 
 impl Impulse {
-    /// Returns whether all of it is a number.
+    /// Returns whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
     }
 
-    /// Returns the sum of two.
+    /// Returns the sum of both impulses.
     pub fn plus(&self, other: &Self) -> Self {
         let sum = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|i| a[i] + b[i]);
         Self { linear: sum(self.linear, other.linear), angular: sum(self.angular, other.angular) }
     }
 
-    /// Returns it so many times.
+    /// Returns the impulse times `by`.
     #[must_use]
     pub fn scaled(&self, by: f32) -> Self {
         Self { linear: self.linear.map(|v| v * by), angular: self.angular.map(|v| v * by) }
@@ -121,20 +123,20 @@ impl Impulse {
 /// Linear (m/s) and angular (rad/s) velocity in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Velocity {
-    /// Metres per second, of the centre of mass.
+    /// The velocity of the centre of mass, m/s.
     pub linear: [f32; 3],
-    /// Radians per second.
+    /// The angular velocity, rad/s.
     pub angular: [f32; 3],
 }
 
 impl Velocity {
-    /// Moves without turning, m/s.
+    /// Returns a velocity along a line, m/s, without spin.
     #[must_use]
     pub const fn linear(linear: [f32; 3]) -> Self {
         Self { linear, angular: [0.0; 3] }
     }
 
-    /// Turns in place: about this axis, by its length in rad/s.
+    /// Returns a spin in place about this axis, whose length is the angular speed in rad/s.
     #[must_use]
     pub const fn angular(angular: [f32; 3]) -> Self {
         Self { linear: [0.0; 3], angular }
@@ -145,7 +147,7 @@ impl Velocity {
         self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
     }
 
-    /// Returns whether its linear speed is at most this, m/s.
+    /// Returns whether the linear speed is at most this, m/s.
     #[doc(hidden)]
     pub fn is_within(&self, speed_m_s: f32) -> bool {
         self.linear.iter().map(|v| v * v).sum::<f32>() <= speed_m_s * speed_m_s
@@ -155,33 +157,34 @@ impl Velocity {
 /// The kind of a body: dynamic, fixed or kinematic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub enum BodyKind {
-    /// By forces.
+    /// Moved by forces and contacts.
     Dynamic,
-    /// Never.
+    /// Never moved.
     Fixed,
-    /// To poses that its user gives.
+    /// Moved to poses that the program gives.
     KinematicPosition,
-    /// At velocities that its user gives.
+    /// Moved at velocities that the program gives.
     KinematicVelocity,
 }
 
-/// How a body lay when Rapier found its contacts, from where it is. Rapier keeps the lever arms of contacts as they are then, and where they are
-/// found anew, in another process, they must be found so.
+/// How a body lay when Rapier found its contacts, relative to where it is. Rapier keeps the lever arms of
+/// contacts as they are then. Another process that finds the contacts anew must find them so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ContactOffset {
-    /// How far it lay from there, world axes, metres.
+    /// The offset to where it lay, world axes, metres.
     pub moved_m: [f32; 3],
-    /// How it was turned from there, world axes: the vector part of the unit quaternion, whose scalar part is positive.
+    /// The turn to how it lay, world axes: the vector part of the unit quaternion, whose scalar part is
+    /// positive.
     pub turned: [f32; 3],
 }
 
 impl ContactOffset {
-    /// Nobody lay farther away than this, in metres.
+    /// The longest offset, metres.
     pub(crate) const FARTHEST_M: f32 = 0.5;
-    /// The longest vector part of a turn, by a quarter of a radian.
+    /// The longest vector part of a turn, which is by a quarter of a radian.
     pub(crate) const MOST_TURNED: f32 = 0.125;
 
-    /// Returns how a body lay that is there.
+    /// Returns how a body lay that is now at this pose.
     #[cfg(feature = "physics")]
     pub(crate) fn applied_to(&self, pose: &WorldPose) -> WorldPose {
         let [x, y, z] = self.turned.map(f64::from);
@@ -195,59 +198,59 @@ impl ContactOffset {
     }
 }
 
-/// The part of a body that a step changes; everything else stands in [`BodyTraits`].
+/// The part of a body that a step changes; all else is in [`BodyTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyState {
-    /// Where it is.
+    /// The pose in world space.
     pub pose: WorldPose,
-    /// How it moves.
+    /// The velocity, m/s and rad/s.
     pub velocity: Velocity,
-    /// The user's persistent force, newtons.
+    /// The persistent force that the program applies, newtons.
     pub force: [f32; 3],
-    /// The user's persistent torque, newton metres.
+    /// The persistent torque that the program applies, newton metres.
     pub torque: [f32; 3],
-    /// Whether it sleeps.
+    /// Whether the body sleeps.
     pub sleeping: bool,
-    /// For how long it has been still, seconds.
+    /// The time for which the body has been still, seconds.
     pub still_s: f32,
-    /// How it walks, if it is a character.
+    /// How the body walks, if it is a character.
     pub gait: Option<Gait>,
-    /// What its driver does, if it is a vehicle.
+    /// What the driver does, if the body is a vehicle.
     pub drive: Option<Drive>,
-    /// How it lay when its contacts were found, if that is known.
+    /// How the body lay when its contacts were found, if that is known.
     pub contact_offset: Option<ContactOffset>,
 }
 
-/// Mass, centre of mass and inertia given as numbers.
+/// The mass properties of a body or collider, as numbers: mass, centre of mass and inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct MassRecord {
-    /// Centre of mass on the body, metres.
+    /// The centre of mass on the body, metres.
     pub local_com: [f32; 3],
-    /// Inverse of the mass, 1/kg; 0 for an infinite mass.
+    /// The inverse of the mass, 1/kg; 0 for an infinite mass.
     pub inv_mass: f32,
-    /// Inverse of the square root of the principal inertia as Rapier keeps it.
+    /// The inverse of the square root of the principal inertia, as Rapier keeps it.
     pub inv_principal_inertia: [f32; 3],
-    /// Rotation from the body to its principal axes.
+    /// The rotation from the body to its principal axes.
     pub principal_frame: [f32; 4],
 }
 
-/// Mass that a body has besides that of its colliders.
+/// The mass that a body has besides that of its colliders.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ExtraMass {
-    /// Kilograms; the inertia follows from the colliders.
+    /// A mass in kilograms. The inertia follows from the colliders.
     Mass(f32),
-    /// Everything given.
+    /// All mass properties.
     Properties(MassRecord),
 }
 
 /// The source of a collider's mass.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ColliderMass {
-    /// kg/m³.
+    /// The density, kg/m³.
     Density(f32),
-    /// Kilograms.
+    /// The mass, kilograms.
     Mass(f32),
-    /// Everything given.
+    /// All mass properties.
     Properties(MassRecord),
 }
 
@@ -269,12 +272,13 @@ pub enum CombineRule {
     GeometricMean,
 }
 
-/// A collider's collision groups: those it belongs to and those it meets; `any` makes one match enough, else both must match.
+/// The collision groups of a collider: those that it belongs to, and those that it meets. Both sides must
+/// match, unless `any` makes one match enough.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub struct Groups {
-    /// Bits of the groups it belongs to.
+    /// The groups that it belongs to, as bits.
     pub memberships: u32,
-    /// Bits of the groups it meets.
+    /// The groups that it meets, as bits.
     pub filter: u32,
     /// Whether one side's match is enough.
     pub any: bool,
@@ -283,27 +287,27 @@ pub struct Groups {
 /// A complete collider.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ColliderRecord {
-    /// The shape, sent to a peer at most once.
+    /// The shape, which a peer is sent at most once.
     pub shape: ShapeHash,
-    /// On its body.
+    /// The pose on its body.
     pub pose: Pose,
-    /// Source of its mass.
+    /// The source of its mass.
     pub mass: ColliderMass,
-    /// Coulomb coefficient.
+    /// The coefficient of Coulomb friction.
     pub friction: f32,
     /// How two coefficients of friction combine.
     pub friction_rule: CombineRule,
-    /// Coefficient of restitution, 0 to 1.
+    /// The coefficient of restitution, 0 to 1.
     pub restitution: f32,
     /// How two coefficients of restitution combine.
     pub restitution_rule: CombineRule,
-    /// Whether it only detects.
+    /// Whether the collider is a sensor, which only detects.
     pub sensor: bool,
-    /// Whether it takes part at all.
+    /// Whether the collider takes part in the simulation.
     pub enabled: bool,
-    /// Groups that decide which pairs collide.
+    /// The groups that decide which pairs collide.
     pub collision_groups: Groups,
-    /// Groups that decide which contacts apply forces.
+    /// The groups that decide which contacts apply forces.
     pub solver_groups: Groups,
     /// Bits of Rapier's `ActiveCollisionTypes`.
     pub collision_types: u16,
@@ -311,76 +315,78 @@ pub struct ColliderRecord {
     pub events: u32,
     /// Bits of Rapier's `ActiveHooks`.
     pub hooks: u32,
-    /// Newtons above which a force event is sent.
+    /// The force above which a force event is sent, newtons.
     pub force_event_threshold_n: f32,
-    /// Metres kept between this and other colliders.
+    /// The distance that is kept between this and other colliders, metres.
     pub contact_skin_m: f32,
-    /// The user's own.
+    /// The number that the user gave to the collider.
     pub user_data: u128,
 }
 
 /// The part of a body that a step does not change.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyTraits {
-    /// How it moves.
+    /// The kind of body.
     pub kind: BodyKind,
-    /// Whether it takes part at all.
+    /// Whether the body takes part in the simulation.
     pub enabled: bool,
-    /// 1/s.
+    /// The damping of linear motion, 1/s.
     pub linear_damping: f32,
-    /// 1/s.
+    /// The damping of rotation, 1/s.
     pub angular_damping: f32,
-    /// Factor on gravity.
+    /// The factor on gravity.
     pub gravity_scale: f32,
-    /// Bits of Rapier's `LockedAxes`.
+    /// The locked axes, as bits of Rapier's `LockedAxes`.
     pub locked_axes: u8,
-    /// Heavier group wins.
+    /// The dominance group: of two bodies in contact, the one of the higher group acts as if it had infinite
+    /// mass.
     pub dominance: i8,
-    /// Swept against moving bodies too.
+    /// Whether continuous collision detection is on: the body is swept, against moving bodies too.
     pub ccd: bool,
-    /// Metres of prediction; 0 is none.
+    /// The prediction distance of soft continuous collision detection, metres; 0 for none.
     pub soft_ccd_m: f32,
-    /// May exceed Rapier's cap on spin.
+    /// Whether the body may spin faster than Rapier's limit.
     pub fast_rotation: bool,
-    /// Gyroscopic torque is applied.
+    /// Whether gyroscopic torque is applied.
     pub gyroscopic: bool,
-    /// More solver iterations around this body.
+    /// The number of additional solver iterations around this body.
     pub extra_solver_iterations: u32,
-    /// More PGS iterations around this body.
+    /// The number of additional PGS iterations around this body.
     pub extra_pgs_iterations: u32,
-    /// Speed below which it may sleep, m/s; negative: never.
+    /// The speed below which the body may sleep, m/s; negative for never.
     pub sleep_linear_threshold: f32,
-    /// Spin below which it may sleep, rad/s; negative: never.
+    /// The angular speed below which the body may sleep, rad/s; negative for never.
     pub sleep_angular_threshold: f32,
-    /// Seconds of stillness before sleep.
+    /// The time of stillness before the body sleeps, seconds.
     pub sleep_after_s: f32,
-    /// Mass besides that of its colliders.
+    /// The mass besides that of the colliders.
     pub extra_mass: Option<ExtraMass>,
-    /// How it walks, if it is a character; kinematic by velocity then.
+    /// The settings of a character, if the body is one; it is then kinematic by velocity.
     pub character: Option<Character>,
-    /// On which wheels it drives, if it is a vehicle; dynamic then.
+    /// The wheels of a vehicle, if the body is one; it is then dynamic.
     pub vehicle: Option<Vehicle>,
-    /// In order of insertion.
+    /// The colliders, in order of insertion.
     pub colliders: Vec<ColliderRecord>,
 }
 
-/// A complete body, sent when a region is to hold it.
+/// A complete body, as it is sent to a region that is to hold it.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyRecord {
-    /// Its name.
+    /// The id of the body.
     pub id: BodyId,
-    /// How often its owner has changed.
+    /// The number of changes of the body's owner, with the view of its placement ([`Epoch`]).
     pub epoch: Epoch,
-    /// What a step changes.
+    /// The part that a step changes.
     pub state: BodyState,
-    /// What a step does not change; shared within a process by bodies that are alike.
+    /// The part that a step does not change. Bodies that are alike share it within a process.
     pub traits: Arc<BodyTraits>,
-    /// The user's own. Bodies that differ in nothing else share their traits.
+    /// The number that the user gave to the body. Bodies that differ in nothing else share their traits.
     pub user_data: u128,
 }
 
 impl BodyRecord {
-    /// Returns how far it reaches from its origin at most, metres; shapes that are not found count as points.
+    /// Returns how far the body reaches from its origin at most, metres. Shapes that are not found count as
+    /// points.
     pub(crate) fn reach_m<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> f64 {
         let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
         let of = |hash: &ShapeHash| find(*hash).map_or(0.0, ShapeRecord::reach_m);
@@ -396,7 +402,8 @@ impl BodyRecord {
         f64::from(reach.fold(0.0, f32::max))
     }
 
-    /// Returns whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
+    /// Returns whether a client may have the body as an avatar: all shapes that it names are found, and suit
+    /// clients.
     #[doc(hidden)]
     pub fn suits_clients<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> bool {
         let suits = |hash| find(hash).filter(|shape| shape.suits_clients());
@@ -419,7 +426,7 @@ mod tests {
         assert_eq!(half.translation, [100_000.5, 1.0, -2.0]);
         assert!((half.isometry().rotation.angle() - 0.5).abs() < 1e-6);
         assert_eq!(from.interpolated(&to, 0.0).translation, from.translation);
-        // A quaternion and its negative are one rotation: the way between them is no way.
+        // A quaternion and its negative are one rotation, so the way between them is no way.
         let negative = WorldPose { rotation: to.rotation.map(|v| -v), ..to };
         assert!((to.interpolated(&negative, 0.5).isometry().rotation.angle() - 1.0).abs() < 1e-6);
     }

@@ -1,5 +1,8 @@
-//! Defines the border message that one region sends another in each exchange, and the contact reports of a region. The coupling
-//! methods fill and read these values; in one process they are handed over as they are, between processes they are encoded.
+//! Defines the border message that one region sends another in each exchange, and the contact reports of a
+//! region.
+//!
+//! The couplings fill and read these values. Within a process they are handed over as they are; between
+//! processes they are encoded.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -7,68 +10,75 @@ use serde::{Deserialize, Serialize};
 use super::{Alteration, BodyRecord, BodyTraits, Check, Impulse, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
-/// The owner's state of a body, sent to a region that holds a replica of it.
+/// The owner's state of a body, sent to a region that holds a ghost of it.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct SharedState {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// Its present owner.
+    /// The present owner.
     pub owner: RegionId,
-    /// How often it has changed hands.
+    /// The epoch of the owner, which grows with each transfer.
     pub epoch: Epoch,
-    /// Where it is.
+    /// The pose.
     pub pose: WorldPose,
-    /// How it moves.
+    /// The velocity.
     pub velocity: Velocity,
     /// Whether the owner's copy sleeps.
     pub sleeping: bool,
 }
 
-/// The state of the sender's own copy of a body after the last substep, input of the consensus among all regions that hold it.
+/// The state of the sender's own copy of a body after the last substep: its part in the consensus among all
+/// regions that hold the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct CopyState {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// Where the copy is.
+    /// The pose of the copy.
     pub pose: WorldPose,
-    /// How it moves.
+    /// The velocity of the copy.
     pub velocity: Velocity,
-    /// Whether it sleeps.
+    /// Whether the copy sleeps.
     pub sleeping: bool,
-    /// Force of contacts and joints on this copy, newtons, as its region remembers it.
+    /// The force of contacts and joints on this copy, newtons, as its region remembers it.
     pub force_n: [f32; 3],
-    /// Torque of contacts and joints on it, newton metres.
+    /// The torque of contacts and joints on this copy, newton metres.
     pub torque_nm: [f32; 3],
-    /// A hash of the bodies that press on this copy; 0 when none does.
+    /// A hash of the bodies that press on this copy; 0 if none does.
     pub partners: u64,
-    /// Whether its numbers are finite; if not, they are sent as zero and the copy does not count.
+    /// Whether the numbers of the copy are finite. If not, they are sent as zero, and the copy does not
+    /// count.
     pub sound: bool,
-    /// From the owner only: the sender's part of the copy's island, named by the lowest id in it; `None` while it is in no island.
+    /// From the owner only: the sender's part of the copy's island, named by the lowest id in it; `None` if
+    /// the copy is in no island.
     pub part: Option<BodyId>,
-    /// How many bodies the copy's island has in all as the sender sees it, ghosts among them; [`BIG_ISLAND`] when it is too large
-    /// to move.
+    /// The number of bodies in the copy's island as the sender sees it, ghosts included; [`BIG_ISLAND`] if it
+    /// is too large to move.
     pub seen: u16,
-    /// How many of them the sender owns.
+    /// The number of these bodies that the sender owns.
     pub size: u16,
-    /// The lowest id in the copy's island as the sender sees it, ghosts among them: the same for all copies in it.
+    /// The lowest id in the copy's island as the sender sees it, ghosts included. It is the same for all
+    /// copies in the island.
     pub island: BodyId,
     /// The regions that hold all bodies of that island.
     pub held_by: RegionSet,
 }
 
-/// The impulse that a copy got since the last exchange from a body that not the same regions hold; or that it got after it had been
-/// sent to a new holder.
+/// An impulse that a copy got since the last exchange from a body that is not held by the same regions, or
+/// that the copy got after it had been sent to a new holder.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Strike {
-    /// Which body was struck.
+    /// The body that was struck.
     pub id: BodyId,
-    /// By which one, of whose impulse all that hold both tell; `None` for what one region alone tells.
+    /// The body that struck it, if all regions that hold both tell of its impulse; `None` if one region alone
+    /// tells of the impulse.
     pub by: Option<BodyId>,
-    /// How many bodies the island of both has as the sender sees it: who sees most is believed.
+    /// The number of bodies in the island of both, as the sender sees it. The region that sees most is
+    /// believed.
     pub seen: u16,
-    /// The regions that hold what struck it, or that held it then: others did not see that.
+    /// The regions that hold what struck the body, or that held the body then. Other regions did not see the
+    /// impulse.
     pub held_by: RegionSet,
-    /// How much.
+    /// The impulse.
     pub impulse: Impulse,
 }
 
@@ -79,75 +89,83 @@ pub struct IslandPart {
     pub of: BodyId,
     /// The lowest id in this part.
     pub name: BodyId,
-    /// Rank of the region that owns the bodies of this part.
+    /// The rank of the region that owns the bodies of this part.
     pub rank: u8,
-    /// How many they are; [`BIG_ISLAND`] when they alone are too many to move.
+    /// The number of these bodies; [`BIG_ISLAND`] if they alone are too many to move.
     pub size: u16,
-    /// Whether their region treats the island as one that moves whole.
+    /// Whether that region treats the island as one that moves whole.
     pub whole: bool,
-    /// From how many parts away the sender heard of it; 0 is its own.
+    /// From how many parts away the sender heard of this part; 0 is its own.
     pub hops: u16,
 }
 
-/// The size sent for islands that are too large to move whole.
+/// The size that is sent for islands that are too large to move whole.
 pub const BIG_ISLAND: u16 = u16::MAX;
 
-/// The membership of a body (its owner and holders) from now on, sent by its owner to all regions that hold it.
+/// The membership of a body from now on, that is its owner and holders. The owner sends it to all regions
+/// that hold the body.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Membership {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// Epoch of the owner.
+    /// The epoch of the owner.
     pub epoch: Epoch,
-    /// Rank of the owner.
+    /// The rank of the owner.
     pub owner: u8,
-    /// All regions that hold it, the owner too.
+    /// All regions that hold the body, the owner included.
     pub holders: RegionSet,
-    /// Those of them that hold a warm-up ghost: it only follows the other copies and has no part in mass splitting.
+    /// Those of the holders with a warm-up ghost, which only follows the other copies and has no part in mass
+    /// splitting.
     pub warming: RegionSet,
 }
 
-/// A predicted contact: an AABB and a ball around a body near the receiver's region which the receiver does not hold.
+/// A predicted contact: an AABB and a ball around a body that is near the receiver's region and that the
+/// receiver does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct NearbyBody {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// Its AABB, world space, metres.
+    /// The AABB in world space, metres.
     pub bounds: Bounds,
-    /// Radius of a ball around the middle of that which holds the body as well, metres.
+    /// The radius of a ball around the middle of the AABB that holds the body as well, metres.
     pub radius_m: f32,
-    /// Velocity of both, m/s.
+    /// The velocity of both, m/s.
     pub velocity: [f32; 3],
-    /// Whether it is awake.
+    /// Whether the body is awake.
     pub awake: bool,
-    /// How many bodies of its island the sender owns; [`BIG_ISLAND`] when it is too large to move, 0 for what no contact moves.
+    /// The number of bodies in its island that the sender owns; [`BIG_ISLAND`] if the island is too large to
+    /// move, 0 for a body that no contact moves.
     pub island: u16,
-    /// Whether the sender keeps it to itself: who meets it must send it what meets it.
+    /// Whether the sender keeps the body to itself, so that a region whose body meets it must send that body
+    /// there.
     pub stays: bool,
-    /// Whether it is a part of a multibody, which is never held by two regions.
+    /// Whether the body is part of a multibody, which two regions never hold.
     pub articulated: bool,
-    /// Regions that hold it, or may own it in the ticks that the sender looks ahead: bodies that carry it must be there.
+    /// The regions that hold the body, or may own it in the ticks that the sender looks ahead. Bodies that
+    /// carry it must be there too.
     pub goes: RegionSet,
 }
 
-/// The predicted contacts that a region sends another: bodies that might meet the receiver's.
+/// The predicted contacts that one region sends another: bodies that might meet the receiver's.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct NearbyBodies {
-    /// AABB of all that the sender's bodies reach beyond its cell; sent to the regions that it concerns.
+    /// The AABB of all that the sender's bodies reach beyond its cell. It is sent to the regions that it
+    /// concerns.
     pub extent: Option<Bounds>,
-    /// Other regions whose bodies reach into the sender's cell, as the receiver's do: they may meet there.
+    /// Other regions whose bodies reach into the sender's cell, as the receiver's do, so that they may meet
+    /// there.
     pub visitors: RegionSet,
-    /// In id order.
+    /// The bodies, in id order.
     pub bodies: Vec<NearbyBody>,
 }
 
-/// Where a replica is to be while the receiver first finds its contacts: how it lay when the sender found them. Rapier keeps their lever
-/// arms as they are then.
+/// The pose that a ghost has while the receiver first finds its contacts: how it lay when the sender found
+/// them. Rapier keeps the lever arms of contacts as they are then.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ContactPose {
-    /// Which body; its record says where it is.
+    /// The body. Its record says where it is.
     pub id: BodyId,
-    /// Where it lay, relative to what it touches, world space.
+    /// Where it lay relative to what it touches, world space.
     pub pose: WorldPose,
 }
 
@@ -156,57 +174,58 @@ pub struct ContactPose {
 pub struct Transfer {
     /// The body, whole, at the epoch of the new owner.
     pub body: BodyRecord,
-    /// The regions that hold a replica.
+    /// The regions that hold a ghost of the body.
     pub holders: RegionSet,
-    /// Whether its island moves whole.
+    /// Whether the body's island moves whole.
     pub whole: bool,
 }
 
-/// A record that a body changed owner.
+/// A change of a body's owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Handover {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// The region that owned it.
+    /// The region that owned the body before.
     pub from: RegionId,
-    /// The region that owns it now.
+    /// The region that owns the body now.
     pub to: RegionId,
 }
 
-/// A border message: everything that one region sends another after a step; each list in id order.
+/// A border message: everything that one region sends another after a step. Each list is in id order.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BorderMessage {
     /// The sender.
     pub from: RegionId,
     /// The receiver.
     pub to: RegionId,
-    /// After which step.
+    /// The step after which it is sent.
     pub tick: Tick,
     /// Bodies that moved or changed sleep.
     pub states: Vec<SharedState>,
-    /// Bodies that the receiver is to hold a replica of from now on, whole.
+    /// Bodies, whole, of which the receiver is to hold a ghost from now on.
     pub replicas: Vec<BodyRecord>,
-    /// How some of these lay when their contacts were found.
+    /// How some of these bodies lay when their contacts were found.
     pub contact_poses: Vec<ContactPose>,
-    /// Joints new to the receiver.
+    /// Joints that are new to the receiver.
     pub joints: Vec<JointRecord>,
-    /// Bodies the receiver need not hold any more.
+    /// Bodies that the receiver need not hold any more.
     pub drops: Vec<BodyId>,
-    /// Bodies the receiver now owns.
+    /// Bodies that the receiver now owns.
     pub transfers: Vec<Transfer>,
-    /// Bodies of the receiver whose replica was woken here.
+    /// Bodies of the receiver whose ghost was woken at the sender.
     pub wakes: Vec<BodyId>,
-    /// The sender's copies of bodies that both hold, when regions reach consensus on them.
+    /// The sender's copies of bodies that both hold, if regions reach consensus on them.
     pub copies: Vec<CopyState>,
-    /// What struck these copies, unseen by some regions that hold them; one body may come several times.
+    /// Impulses on these copies that some regions which hold them have not seen. One body may come several
+    /// times.
     pub strikes: Vec<Strike>,
-    /// Of each part of an island of whose bodies there are copies above: the island's parts, the sender's first.
+    /// For each part of an island with bodies among `copies`: all parts of the island, the sender's first.
     pub islands: Vec<IslandPart>,
     /// Changes among the holders of bodies that the receiver holds.
     pub members: Vec<Membership>,
-    /// The sender's predicted contacts; `None`: the same as before.
+    /// The sender's predicted contacts; `None` if they are the same as before.
     pub nearby: Option<NearbyBodies>,
-    /// Substeps that the sender takes in the next tick; 0: as many as before.
+    /// The substeps that the sender takes in the next tick; 0 if they are as many as before.
     pub steps: u8,
     /// Whether the sender asks to exchange messages in every tick until all regions meet again.
     pub asks: bool,
@@ -230,7 +249,7 @@ impl BorderMessage {
             && !self.asks
     }
 
-    /// Returns whether all ranks in it exist in a world of so many regions.
+    /// Returns whether all ranks in the message exist in a world of `regions` regions.
     pub fn names_only(&self, regions: usize) -> bool {
         let transfers = self.transfers.iter().map(|transfer| transfer.holders);
         let members = self.members.iter().flat_map(|member| [member.holders, member.warming]);
@@ -244,7 +263,7 @@ impl BorderMessage {
             && self.islands.iter().all(|part| usize::from(part.rank) < regions)
     }
 
-    /// Returns the epochs of all bodies in it.
+    /// Returns the epochs of all bodies in the message.
     pub(crate) fn epochs(&self) -> impl Iterator<Item = Epoch> {
         let states = self.states.iter().map(|state| state.epoch);
         let replicas = self.replicas.iter().map(|body| body.epoch);
@@ -252,14 +271,15 @@ impl BorderMessage {
         states.chain(replicas).chain(transfers).chain(self.members.iter().map(|member| member.epoch))
     }
 
-    /// Extrapolates all bodies in it by `seconds` at their velocities (dead reckoning, thesis 3.3.11).
+    /// Extrapolates all bodies in the message by `seconds` at their velocities (dead reckoning, thesis
+    /// 3.3.11).
     pub fn extrapolate(&mut self, seconds: f64) {
         let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {
             if !sleeping {
                 *pose = pose.moved(velocity, seconds);
             }
         };
-        // They are of the tick in which it was sent.
+        // Contact poses hold only for the tick in which the message was sent.
         self.contact_poses.clear();
         for SharedState { pose, velocity, sleeping, .. } in &mut self.states {
             ahead(pose, velocity, *sleeping);
@@ -271,7 +291,8 @@ impl BorderMessage {
         }
     }
 
-    /// Removes a body that is gone from the world from all lists. Returns its record if it was to be handed over.
+    /// Removes a body that is gone from the world from all lists. Returns its record if it was being handed
+    /// over.
     pub fn forget(&mut self, gone: BodyId) -> Option<BodyRecord> {
         self.states.retain(|state| state.id != gone);
         self.replicas.retain(|body| body.id != gone);
@@ -285,14 +306,15 @@ impl BorderMessage {
         Some(self.transfers.remove(at).body)
     }
 
-    /// Applies an input to the body if it is being handed over in this message, or as a character copied.
+    /// Applies an input to its body, if the body is handed over in this message, or is a character or vehicle
+    /// that is copied.
     pub fn apply_input(&mut self, input: &Input) {
         let of = self.transfers.iter_mut().find(|transfer| transfer.body.id == input.body);
         if let Some(Transfer { body, .. }) = of {
             body.obey(input);
             body.state.pose = input.jump_of(&body.traits).unwrap_or(body.state.pose);
         }
-        // Of other bodies the owner tells how they move.
+        // How other bodies move is told by their owner.
         let is_driven = |traits: &BodyTraits| match input.drive {
             Some(_) => traits.vehicle.is_some(),
             None => traits.character.is_some(),
@@ -301,7 +323,7 @@ impl BorderMessage {
         self.replicas.iter_mut().filter(obeys).for_each(|body| body.obey(input));
     }
 
-    /// Changes what the body or the joint is, if it is being handed over or copied in this message.
+    /// Applies an alteration to its body or joint, if that is handed over or copied in this message.
     pub fn alter(&mut self, alteration: &Alteration) {
         match alteration {
             Alteration::Body { body: id, traits, user_data, wakes } => {
@@ -314,7 +336,8 @@ impl BorderMessage {
             Alteration::Joint(record) => {
                 for joint in self.joints.iter_mut().filter(|joint| joint.id == record.id) {
                     let known = std::mem::replace(joint, (**record).clone());
-                    // Who alters it knows neither how it moves nor what was found out of it in the last step.
+                    // An alteration does not know how the joint moves, nor the impulses that the last step
+                    // found.
                     if let (Some(link), Some(known)) = (&mut joint.link, &known.link) {
                         link.motion = known.motion;
                     }
@@ -327,7 +350,7 @@ impl BorderMessage {
         }
     }
 
-    /// Removes the content and keeps the memory.
+    /// Removes the content and keeps the allocated memory.
     pub fn clear(&mut self) {
         self.states.clear();
         self.replicas.clear();
@@ -346,23 +369,24 @@ impl BorderMessage {
     }
 }
 
-/// The key of a contact: two colliders by their bodies and their places there, the lower body first.
+/// The key of a contact: two colliders, each by its body and its index there, the body with the lower id
+/// first.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
 pub struct ContactKey {
     /// The body with the lower id.
     pub a: BodyId,
-    /// The other one.
+    /// The body with the higher id.
     pub b: BodyId,
-    /// Collider of `a`, in order of insertion.
+    /// The index among the colliders of `a`, from 0 in order of insertion.
     pub collider_a: u16,
-    /// Collider of `b`, in order of insertion.
+    /// The index among the colliders of `b`, from 0 in order of insertion.
     pub collider_b: u16,
 }
 
 impl ContactKey {
-    /// Returns the body that `body` touches, if it is one of the two.
+    /// Returns the body that `body` touches; `None` if `body` is neither of the two.
     pub fn other(&self, body: BodyId) -> Option<BodyId> {
         match body {
             _ if body == self.a => Some(self.b),
@@ -372,51 +396,55 @@ impl ContactKey {
     }
 }
 
-/// An event: two colliders began or ceased to touch in one region.
+/// A contact event: two colliders began or ceased to touch.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Touch {
-    /// Which.
+    /// The two colliders.
     pub key: ContactKey,
-    /// Began or ceased.
+    /// Whether the contact began; otherwise it ceased.
     pub began: bool,
-    /// Whether one of them is a sensor.
+    /// Whether one of the two is a sensor.
     pub sensor: bool,
-    /// Where, in world space, metres; the middle between the bodies when the contact has no point.
+    /// The point of contact in world space, metres. If the contact has no point, the middle between the
+    /// bodies.
     pub point: [f64; 3],
-    /// From `a` to `b`, unit length, or zero for sensors and ends.
+    /// The unit normal from `a` to `b`; zero for sensors, and when the contact ceases.
     pub normal: [f32; 3],
-    /// Approach speed before the contact, m/s, as far as known; 0 for ends.
+    /// The approach speed before the contact, m/s, as far as it is known; 0 when the contact ceases.
     pub speed: f32,
 }
 
-/// An event: a contact pressed harder than a collider's threshold; of one region, its share in that, whatever it is.
+/// A contact event: a contact pressed harder than a collider's threshold. Among the events of one region, the
+/// region's part of the force, whatever its size.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct ContactForce {
-    /// Which.
+    /// The two colliders.
     pub key: ContactKey,
-    /// Sum of the forces on `b`, newtons, world axes.
+    /// The sum of the forces on `b`, newtons, world axes.
     pub force_n: [f32; 3],
-    /// Sum of the magnitudes, newtons.
+    /// The sum of the magnitudes of the forces, newtons.
     pub magnitude_n: f32,
     /// The lower of the colliders' thresholds, newtons.
     pub threshold_n: f32,
 }
 
-/// The contact events of one region in one tick. A pair held by two regions is in both; the collector reports it once.
+/// The contact events of one region in one tick. A pair that two regions hold is in the events of both; the
+/// collector reports it once.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct RegionEvents {
-    /// Which region.
+    /// The region.
     pub region: RegionId,
-    /// In which tick.
+    /// The tick.
     pub tick: Tick,
-    /// In order of appearance.
+    /// Contacts that began or ceased, in order of appearance.
     pub touches: Vec<Touch>,
-    /// In order of appearance.
+    /// Contacts that pressed harder than a threshold, in order of appearance.
     pub forces: Vec<ContactForce>,
 }
 
 impl RegionEvents {
-    /// Removes numbers that must not be sent: those of contacts with a body that is no longer finite.
+    /// Removes numbers that must not be sent: those of contacts with a body whose numbers are not finite any
+    /// more.
     pub fn make_tellable(&mut self) {
         for touch in &mut self.touches {
             if touch.check().is_err() {

@@ -1,31 +1,34 @@
-//! Describes characters: bodies that walk by Rapier's character controller where they are computed, at the velocity that their
-//! user wants.
+//! Describes characters: bodies that Rapier's character controller moves where they are computed, at the
+//! velocity that their user wants.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-/// The settings of a character: a body that walks on what it stands on, slides along walls, climbs steps and slopes, falls, rides
-/// on what moves, and pushes what is in its way. Its velocity is what its user wants; how it moves follows from what is around.
+/// The settings of a character: a body that walks on what it stands on, slides along walls, climbs steps and
+/// slopes, falls, rides on what moves, and pushes what is in its way. The program sets the velocity that the
+/// character wants ([`Gait::wanted`]); how it moves follows from its surroundings.
 ///
-/// The first collider that is no sensor is its shape. Upwards it wants to jump, which it can from the ground; with a gravity scale
-/// of 0 it flies as it wants, and collides all the same.
+/// The first collider that is no sensor is its shape. A wish upwards is a jump, which needs ground to start
+/// from. With a gravity scale of 0 a character flies as it wants, and still collides.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Character {
-    /// The highest step that it climbs without a jump, metres; 0 to climb none.
+    /// The highest step that the character climbs without a jump, metres, 0 to 100; 0 to climb none.
     pub step_height_m: f32,
-    /// How much free floor there must be on a step, metres.
+    /// The free floor that a step must have, metres, 0 to 100.
     pub step_depth_m: f32,
-    /// The steepest slope that it climbs, radians; 0 to π/2.
+    /// The steepest slope that the character climbs, radians, 0 to π/2.
     pub max_climb_rad: f32,
-    /// The least steep slope that it slides down, radians; 0 to π/2.
+    /// The least steep slope that the character slides down, radians, 0 to π/2.
     pub min_slide_rad: f32,
-    /// How far it is drawn down to the ground as it walks downhill, metres; 0 to be in the air instead.
+    /// The distance by which the character is drawn down to the ground as it walks downhill, metres, 0 to
+    /// 100; 0 to be in the air instead.
     pub snap_m: f32,
-    /// The gap that it keeps from all else, metres; above 0, at most 1.
+    /// The gap that the character keeps from all else, metres; above 0, at most 1.
     pub gap_m: f32,
-    /// The mass with which it pushes dynamic bodies and stands on them, kilograms; 0 to push none.
+    /// The mass with which the character pushes dynamic bodies and stands on them, kilograms, 0 to 1e9; 0 to
+    /// push none.
     pub mass_kg: f32,
 }
 
@@ -62,13 +65,13 @@ impl Character {
     }
 }
 
-/// How a character walks: the part of its state that its velocity does not show.
+/// The part of a character's state that its velocity does not show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Gait {
-    /// The velocity that its user wants, m/s.
+    /// The velocity that the program asked for, m/s.
     pub wanted: [f32; 3],
-    /// How fast it rises (jumps) or, below 0, falls, m/s.
+    /// The speed at which the character rises (jumps) or, below 0, falls, m/s.
     pub rise_m_s: f32,
-    /// Whether it stood on something after the last tick.
+    /// Whether the character stood on something after the last tick.
     pub grounded: bool,
 }

@@ -1,6 +1,8 @@
-//! Encodes messages to bytes and decodes them: the only place that knows bincode's settings (`=2.0.1`, RUSTSEC-2025-0141). Bytes
-//! come from strangers: the length is checked first, a claimed length never allocates more than [`MAX_MESSAGE_BYTES`], all bytes
-//! must be consumed, and every value must pass [`Check`].
+//! Encodes messages to bytes and decodes them. Only this module knows bincode's settings (`=2.0.1`,
+//! RUSTSEC-2025-0141).
+//!
+//! Bytes come from strangers, so four rules hold: the length is checked first; a claimed length never
+//! allocates more than [`MAX_MESSAGE_BYTES`]; all bytes must be consumed; every value must pass [`Check`].
 
 #[cfg(feature = "physics")]
 use std::io::{Read, Write};
@@ -19,17 +21,18 @@ use crate::protocol::SharedState;
 #[cfg(all(feature = "net", feature = "physics"))]
 use crate::space::ClientId;
 
-/// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
+/// The version of the protocol. It grows with every change of the message set. Peers of different versions
+/// refuse each other.
 pub const VERSION: u32 = 33;
 
-/// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
-/// before it is sent (`ShapeRecord::can_travel`).
+/// The longest message in bytes. A single shape (a height field of 2,000 × 2,000) needs most. A longer
+/// message is refused before it is sent (`ShapeRecord::can_travel`).
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
-/// The target size of one chunk of a world: small enough not to hold up other traffic of its link.
+/// The target size of one chunk of a world in bytes: small enough not to hold up other traffic of its link.
 pub const CHUNK_BYTES: usize = 256 << 10;
 
-/// The most bytes of a datagram: below the smallest path MTU in common use, with QUIC's own overhead.
+/// The longest datagram in bytes: below the smallest path MTU in common use, with QUIC's own overhead.
 pub const DATAGRAM_BYTES: usize = 1_100;
 
 const CONFIG: Configuration<LittleEndian, Varint, Limit<MAX_MESSAGE_BYTES>> =
@@ -38,35 +41,35 @@ const CONFIG: Configuration<LittleEndian, Varint, Limit<MAX_MESSAGE_BYTES>> =
 /// The reason why bytes are not a message.
 #[derive(Debug, thiserror::Error)]
 pub enum CodecError {
-    /// Refused by length alone.
+    /// The length alone is refused.
     #[error(
         "a message of {0} bytes is over the limit of {MAX_MESSAGE_BYTES}: the peer is not a dcd of this version"
     )]
     TooLong(usize),
-    /// Not in the format.
+    /// The bytes are not in the format.
     #[error(
         "not a dcd message ({0}): the peer is broken or of another version; install the same dcd on both"
     )]
     Malformed(#[from] DecodeError),
-    /// The first message of a peer of another version, in that one's format.
+    /// The first message is that of a peer of another version, in that version's format.
     #[error("it speaks protocol version {theirs}, and this side {ours}: install the same dcd on both")]
     Version {
-        /// The peer's.
+        /// The peer's version.
         theirs: u32,
-        /// Ours.
+        /// The version of this side.
         ours: u32,
     },
-    /// More bytes than the message has.
+    /// There are more bytes than the message has.
     #[error(
         "{0} bytes follow the message: the peer is broken or of another version; install the same dcd on both"
     )]
     Trailing(usize),
-    /// States that cannot be unpacked.
+    /// The states cannot be unpacked.
     #[error(
         "states for clients cannot be unpacked: the peer is broken or of another version; install the same dcd on both"
     )]
     Compact,
-    /// Well-formed, with a value that must not be.
+    /// The message is well-formed, but a value in it is not allowed.
     #[error("refused a message: {0}")]
     Invalid(#[from] Invalid),
 }
@@ -93,29 +96,32 @@ pub fn decode(bytes: &[u8]) -> Result<Message, CodecError> {
     }
 }
 
-/// Returns the version of a greeting's sender, if it is another one: greetings of all versions begin alike.
+/// Returns the version of a greeting's sender, if it differs from ours: greetings of all versions begin
+/// alike.
 fn foreign_version(bytes: &[u8]) -> Option<u32> {
     const HELLO: u32 = 0;
     let ((kind, version), _): ((u32, u32), _) = bincode::decode_from_slice(bytes, CONFIG).ok()?;
     (kind == HELLO && version != VERSION).then_some(version)
 }
 
-/// Returns whose acknowledgement of states bytes are, if they begin as one: all else need not be decoded to know that it is none.
+/// Returns the client whose acknowledgement of states the bytes are, if they begin as one. So no other
+/// message need be decoded to know that it is none.
 #[cfg(all(feature = "net", feature = "physics"))]
 pub(crate) fn begins_as_heard(bytes: &[u8]) -> Option<ClientId> {
-    /// [`Message::FromClient`] and [`FromClient::Heard`](super::FromClient::Heard), as they are encoded.
+    /// The tags of [`Message::FromClient`] and [`FromClient::Heard`](super::FromClient::Heard), as they are
+    /// encoded.
     const KINDS: (u32, u32) = (8, 7);
     let ((from_client, client, heard), _): ((u32, ClientId, u32), _) =
         bincode::decode_from_slice(bytes, CONFIG).ok()?;
     ((from_client, heard) == KINDS).then_some(client)
 }
 
-/// Encodes any value of the protocol, for files and tests of our own; [`encode`] is for the wire.
+/// Encodes any value of the protocol, for our own files and tests. [`encode`] is for the wire.
 pub fn encode_value<T: Encode>(value: &T) -> Vec<u8> {
     bincode::encode_to_vec(value, CONFIG).expect("plain values in memory encode")
 }
 
-/// Decodes what [`encode_value`] wrote, and checks it.
+/// Decodes a value that [`encode_value`] encoded, and checks it.
 pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError> {
     if bytes.len() > MAX_MESSAGE_BYTES {
         return Err(CodecError::TooLong(bytes.len()));
@@ -128,14 +134,15 @@ pub fn decode_value<T: Decode<()> + Check>(bytes: &[u8]) -> Result<T, CodecError
     Ok(value)
 }
 
-/// Writes a value of our own of any length with serde: the content of a snapshot.
+/// Writes a value of our own of any length with serde, as the content of a snapshot.
 #[cfg(feature = "physics")]
 pub(crate) fn write_state(value: &impl Serialize, to: &mut impl Write) -> Result<(), EncodeError> {
     bincode::serde::encode_into_std_write(value, to, bincode::config::standard())?;
     Ok(())
 }
 
-/// Reads what [`write_state`] wrote. Nothing in it is checked: only for bytes that have proved to be ours.
+/// Reads a value that [`write_state`] wrote. Nothing in it is checked, so it is only for bytes that have
+/// proved to be ours.
 #[cfg(feature = "physics")]
 pub(crate) fn read_state<T: DeserializeOwned>(from: &mut impl Read) -> Result<T, DecodeError> {
     bincode::serde::decode_from_std_read(from, bincode::config::standard())
@@ -151,12 +158,14 @@ pub fn encoded_len<T: Encode>(value: &T) -> usize {
     measure().expect("plain values in memory encode")
 }
 
-/// Returns how many items of a list a message may have: who reads it counts them by what they take in memory, before they are read.
+/// Returns the most items of type `T` that a list in a message may have. The reader counts items by their
+/// size in memory, before it reads them.
 pub(crate) const fn most_items<T>() -> usize {
     MAX_MESSAGE_BYTES / 2 / if size_of::<T>() == 0 { 1 } else { size_of::<T>() }
 }
 
-/// Splits items, in order, into parts of at most `limit` encoded bytes that can be read again; an item longer than that is a part of its own.
+/// Splits items, in order, into parts of at most `limit` encoded bytes that can be read again. An item that
+/// is longer is a part of its own.
 pub fn split<T: Encode>(items: impl IntoIterator<Item = T>, limit: usize) -> Vec<Vec<T>> {
     let mut parts: Vec<Vec<T>> = Vec::new();
     let mut room = 0;
@@ -179,7 +188,8 @@ pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -
     split(items, CHUNK_BYTES).into_iter().map(chunk).collect()
 }
 
-/// The envelope of a datagram of states: two tags, client id, group, three times, a flag, three counters and a length, each at its longest.
+/// The longest envelope of a datagram of states, in bytes: two tags, client id, group, three times, a flag,
+/// three counters and a length.
 const ENVELOPE_BYTES: usize = 2 + 5 + 5 + 3 * 9 + 1 + 1 + 3 * 5 + 3;
 
 /// The most bytes of [`Part::states`](super::Part::states) in a datagram.
@@ -278,7 +288,8 @@ mod tests {
 
     #[test]
     fn a_claim_of_four_gigabytes_is_refused_before_allocation() {
-        // Wherever a length may stand, claim 2^32 - 1 and then 2^63 items: with an allocation this test would abort.
+        // Claims 2^32 - 1 and then 2^63 items wherever a length may stand. If that were allocated, this test
+        // would abort.
         let empty_border =
             Message::Border(Border { view: ViewNumber(1), tick: Tick(1), round: 0, messages: vec![] });
         for bytes in [encode(&empty_border), encode(&sample())] {

@@ -1,4 +1,5 @@
-//! Merges the contact events of all regions into those of the world: a pair held by several regions is reported once.
+//! Merges the contact events of all regions into those of the world. A pair that several regions hold is
+//! reported once.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,29 +9,30 @@ use serde::{Deserialize, Serialize};
 use super::{ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::{BodyId, RegionId};
 
-/// The contact events of the world in one tick, each pair once.
+/// The contact events of the world in one tick, each pair of colliders once.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct WorldEvents {
-    /// Contacts that began or ceased, in key order.
+    /// The contacts that began or ceased, in key order.
     pub touches: Vec<Touch>,
-    /// Contacts that pressed harder than a collider's threshold, in key order.
+    /// The contacts that pressed harder than a collider's threshold, in key order.
     pub forces: Vec<ContactForce>,
 }
 
-/// Remembers which regions see each contact. A contact begins when the first region sees it and ceases when the last region no
-/// longer does, so a body that changes region does not seem to let go. One whose collider becomes a sensor, or ceases to be one, ceases and
-/// begins.
+/// The record of which regions see each contact. A contact begins when the first region sees it, and ceases
+/// when the last region no longer does, so a body that changes region does not seem to let go. A contact
+/// whose collider becomes a sensor, or ceases to be one, ceases and begins.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
-    /// The contacts below their second bodies, once those of a body are to be found: not all worlds ask for that.
+    /// The contacts by their second bodies, made once the contacts of a body are to be found: not all worlds
+    /// ask for that.
     #[serde(skip)]
     by_second: Option<BTreeSet<(BodyId, ContactKey)>>,
 }
 
 impl ContactLedger {
-    /// Merges the regions' events of one tick; give them in region order. `out` is overwritten. Forces on a pair add up, over
-    /// the regions that hold it and the substeps of the tick.
+    /// Merges the regions' events of one tick, which must be given in region order. `out` is overwritten.
+    /// Forces on a pair add up over the regions that hold it and the substeps of the tick.
     pub fn merge<'a>(&mut self, regions: impl IntoIterator<Item = &'a RegionEvents>, out: &mut WorldEvents) {
         out.touches.clear();
         out.forces.clear();
@@ -94,7 +96,7 @@ impl ContactLedger {
         }
     }
 
-    /// Forgets what other regions than these see.
+    /// Forgets what regions see for which `is_kept` is false.
     pub fn keep_regions(&mut self, mut is_kept: impl FnMut(RegionId) -> bool) {
         self.seen_by.retain(|_, seen_by| {
             seen_by.retain(|&region| is_kept(region));
@@ -153,7 +155,7 @@ mod tests {
             collider_a: 0,
             collider_b: 0,
         };
-        // A row, each touching the next, and one that all touch.
+        // A row of bodies that each touch the next, and one body that touches all.
         let keys = (1..1_000).map(|a| key(a, a + 1)).chain((1..1_000).map(|b| key(0, b)));
         let touches: Vec<_> = keys.map(|key| Touch { key, ..touch(true) }).collect();
         let mut ledger = ContactLedger::default();
@@ -173,7 +175,7 @@ mod tests {
         assert_eq!(forget(&mut ledger, &[500]), 3);
         assert_eq!(forget(&mut ledger, &[500]), 0);
         assert_eq!(forget(&mut ledger, &[501]), 2);
-        // What began and what ended since is known too.
+        // Contacts that began or ceased since then must be known too.
         tell(&mut ledger, vec![Touch { key: key(7, 8), ..touch(false) }]);
         assert_eq!(ledger.seen_by.len(), 1_998 - 3 - 2 - 1);
         let mut again = ledger.clone();

@@ -1,20 +1,22 @@
-//! Keeps what a body is and what its user asks of it in step, for bodies that walk or drive by themselves where they are computed.
+//! Keeps the kind of a body and what its user asks of it consistent, for bodies that walk or drive by
+//! themselves where they are computed.
 
 use std::sync::Arc;
 
 use super::{BodyRecord, BodyState, BodyTraits, Character, Drive, Gait, Input, Vehicle, Velocity};
 
-/// What moves a body besides forces: it walks or drives where it is computed.
+/// The controller of a body that moves by itself where it is computed: it walks or drives.
 #[derive(Clone, Copy, Debug)]
 pub enum Controller<'a> {
-    /// It walks; kinematic by velocity.
+    /// A character, which walks; kinematic by velocity.
     Character(&'a Character),
-    /// It stands on wheels; dynamic.
+    /// A vehicle, which stands on wheels; dynamic.
     Vehicle(&'a Vehicle),
 }
 
 impl BodyRecord {
-    /// Gives a body a controller, if there is one to give. A character never sleeps, and its velocity is what it wants.
+    /// Gives the body a controller, if there is one. A character never sleeps, and its velocity is the one
+    /// that it wants.
     #[must_use]
     #[doc(hidden)]
     pub fn with_controller(mut self, controller: Option<Controller<'_>>) -> Self {
@@ -35,14 +37,16 @@ impl BodyRecord {
         self
     }
 
-    /// Changes what the body is; one that is no character any more does not walk, one that is no vehicle does not drive.
+    /// Changes the traits of the body. A body that is no character any more does not walk; one that is no
+    /// vehicle any more does not drive.
     #[doc(hidden)]
     pub fn set_traits(&mut self, traits: Arc<BodyTraits>, user_data: u128) {
         (self.traits, self.user_data) = (traits, user_data);
         self.set_state(self.state);
     }
 
-    /// Changes the state, of which only what suits the body counts: it may be of a time when the body was something else.
+    /// Changes the state of the body. Only what suits the body counts: the state may be of a time when the
+    /// body was something else.
     #[doc(hidden)]
     pub fn set_state(&mut self, state: BodyState) {
         let gait = self.traits.character.map(|_| state.gait.unwrap_or_default());
@@ -50,15 +54,15 @@ impl BodyRecord {
         self.state = BodyState { gait, drive, ..state };
     }
 
-    /// Returns the velocity that the user of the body has asked for last, as far as it is known; of a body that is no character
-    /// its own.
+    /// Returns the velocity that the user of the body asked for last, as far as it is known; for a body that
+    /// is no character, its own velocity.
     #[doc(hidden)]
     pub fn asked(&self) -> Velocity {
         let own = self.state.velocity;
         self.state.gait.map_or(own, |gait| Velocity { linear: gait.wanted, ..own })
     }
 
-    /// Applies what the user of the body asks for, but a jump: a velocity, or what a driver does.
+    /// Applies what the user of the body asks for, except a jump: a velocity, or what a driver does.
     #[doc(hidden)]
     pub fn obey(&mut self, input: &Input) {
         match (&mut self.state.drive, input.drive) {

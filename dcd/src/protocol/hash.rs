@@ -1,9 +1,9 @@
-//! Hashes the state of a whole world into one number: equal numbers, equal bits.
+//! Hashes the state of a whole world into one number. Equal numbers mean equal bits.
 
 use super::{Velocity, WorldPose};
 use crate::space::BodyId;
 
-/// Hashes bodies in id order: pose and velocity, bit for bit.
+/// A hasher of bodies in id order: of their poses and velocities, bit for bit.
 #[derive(Default)]
 pub struct StateHasher {
     hasher: blake3::Hasher,
@@ -27,7 +27,7 @@ impl StateHasher {
         }
     }
 
-    /// Returns the first 64 bits of BLAKE3 over everything added.
+    /// Returns the first 64 bits of BLAKE3 over everything that was added.
     pub fn finish(&self) -> u64 {
         let mut first = [0; 8];
         first.copy_from_slice(&self.hasher.finalize().as_bytes()[..8]);

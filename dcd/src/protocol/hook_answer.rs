@@ -1,41 +1,42 @@
-//! Carries what a program's contact hooks have answered, so that a replay can answer the same without them.
+//! Carries what a program's contact hooks answered, so that a replay can give the same answers without them.
 
 use bincode::{Decode, Encode};
 
 use crate::space::{BodyId, RegionId};
 
-/// A collider: its body, and its index there.
+/// A collider: its body, and its index on the body.
 type Collider = (BodyId, u16);
 
-/// A question to contact hooks: which region asks what about which two colliders, and how often it has asked that in the tick.
+/// A question to contact hooks: the region that asks, the question, the two colliders, and how often the
+/// region has asked this in the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub struct HookCall {
     pub region: RegionId,
     pub question: HookQuestion,
     pub first: Collider,
     pub second: Collider,
-    /// Counted from 0.
+    /// The number of the question among equal ones in the tick, from 0.
     pub time: u32,
 }
 
-/// What hooks are asked.
+/// The kind of question to hooks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub enum HookQuestion {
     /// Whether two solid colliders touch.
     Contact,
     /// Whether a sensor detects a collider.
     Intersection,
-    /// What the solver is to make of a manifold.
+    /// How the solver is to treat a manifold.
     Solver,
 }
 
-/// An answer that is otherwise than without hooks.
+/// An answer that differs from what holds without hooks.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum HookAnswer {
-    /// The bits of the solver flags of two colliders that touch; `None` where they do not.
+    /// The bits of the solver flags of two colliders that touch; `None` if they do not touch.
     Contact(Option<u32>),
     /// A sensor does not detect a collider.
     Unseen,
-    /// What a hook has made of a manifold, in Rapier's serde form.
+    /// The manifold as a hook changed it, in Rapier's serde form.
     Solver(Vec<u8>),
 }

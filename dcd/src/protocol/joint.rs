@@ -9,98 +9,98 @@ use crate::space::{BodyId, JointId};
 /// The limits of one axis of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointLimit {
-    /// Lowest position, metres or radians.
+    /// The lowest position, metres or radians.
     pub min: f32,
-    /// Highest position, metres or radians.
+    /// The highest position, metres or radians.
     pub max: f32,
-    /// Impulse of the last step, to warm-start the next.
+    /// The impulse of the last step, from which the next one warm-starts.
     pub impulse: f32,
 }
 
 /// The motor of one axis of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointMotor {
-    /// Velocity to reach.
+    /// The velocity to reach.
     pub target_vel: f32,
-    /// Position to reach.
+    /// The position to reach.
     pub target_pos: f32,
-    /// Spring stiffness.
+    /// The stiffness of the spring.
     pub stiffness: f32,
-    /// Damping.
+    /// The damping.
     pub damping: f32,
-    /// Limit of force or torque.
+    /// The greatest force or torque.
     pub max_force: f32,
-    /// Impulse of the last step.
+    /// The impulse of the last step.
     pub impulse: f32,
     /// Whether stiffness and damping are per unit of mass (Rapier's `AccelerationBased`).
     pub acceleration_based: bool,
 }
 
-/// The additional data of a multibody joint: the second body is a link in reduced coordinates. Lists by degree of freedom have the
-/// linear ones first and nothing for locked axes; the rest of each is zero.
+/// The additional data of a multibody joint, whose second body is a link in reduced coordinates. Lists by
+/// degree of freedom have the linear ones first and leave out locked axes; the rest of each list is zero.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct LinkRecord {
-    /// Velocities of its degrees of freedom are the user's alone.
+    /// Whether the velocities of its degrees of freedom are set by the user alone.
     pub kinematic: bool,
-    /// By degree of freedom; `None` is Rapier's choice.
+    /// The damping, by degree of freedom; `None` for Rapier's choice.
     pub damping: Option<[f32; 6]>,
-    /// By degree of freedom.
+    /// The armature, by degree of freedom.
     pub armature: [f32; 6],
-    /// By degree of freedom.
+    /// The friction, by degree of freedom.
     pub friction: [f32; 6],
-    /// By axis: stiffness and rest position.
+    /// The stiffness and rest position of the spring, by axis.
     pub springs: [[f32; 2]; 6],
-    /// Where it is and how it moves; `None` at the zero of its coordinates.
+    /// Where the link is and how it moves; `None` if it rests at the zero of its coordinates.
     pub motion: Option<LinkMotion>,
 }
 
-/// The position and velocity of a link, in the coordinates of its joint.
+/// The position and velocity of a multibody's link, in the coordinates of its joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LinkMotion {
-    /// By axis, metres and radians.
+    /// The coordinates by axis (x, y, z, about x, y, z), metres and radians.
     pub coordinates: [f32; 6],
-    /// How it is turned, as a quaternion.
+    /// The rotation of the joint, as a quaternion.
     pub rotation: [f32; 4],
-    /// By degree of freedom.
+    /// The velocity by degree of freedom, the linear ones first, m/s and rad/s.
     pub velocity: [f32; 6],
-    /// Of the multibody's root, by its degrees of freedom.
+    /// The velocity of the multibody's root, by the root's degrees of freedom.
     pub root_velocity: [f32; 6],
 }
 
 /// A joint between two bodies, solved by impulses or as the link of a multibody.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct JointRecord {
-    /// Its name.
+    /// The id of the joint.
     pub id: JointId,
-    /// First body.
+    /// The first body.
     pub a: BodyId,
-    /// Second body.
+    /// The second body.
     pub b: BodyId,
-    /// On the first body.
+    /// The joint's frame on the first body.
     pub frame_a: Pose,
-    /// On the second body.
+    /// The joint's frame on the second body.
     pub frame_b: Pose,
-    /// Bits of Rapier's `JointAxesMask`: no motion.
+    /// The axes without motion, as bits of Rapier's `JointAxesMask`.
     pub locked_axes: u8,
-    /// Limited motion.
+    /// The axes with limited motion, as bits.
     pub limit_axes: u8,
-    /// Driven motion.
+    /// The axes with a motor, as bits.
     pub motor_axes: u8,
-    /// Limits and motors act on these together.
+    /// The axes on which limits and motors act together, as bits.
     pub coupled_axes: u8,
-    /// One per axis.
+    /// The limits, one per axis.
     pub limits: [JointLimit; 6],
-    /// One per axis.
+    /// The motors, one per axis.
     pub motors: [JointMotor; 6],
-    /// Natural frequency (Hz) and damping ratio of the constraint.
+    /// The natural frequency, Hz, and the damping ratio of the constraint.
     pub softness: [f32; 2],
     /// Whether the two bodies may touch.
     pub contacts_enabled: bool,
-    /// Whether the joint acts.
+    /// Whether the joint is enabled.
     pub enabled: bool,
-    /// The user's own.
+    /// The number that the user gave to the joint.
     pub user_data: u128,
-    /// Of a multibody joint, whose second body is the link.
+    /// The data of a multibody joint, whose second body is the link; `None` for an impulse joint.
     pub link: Option<LinkRecord>,
 }

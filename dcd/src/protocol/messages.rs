@@ -1,5 +1,6 @@
-//! Defines the message set between server, nodes, leader and clients (thesis 4.3.2.9–10). Every message of a group carries the
-//! [`ViewNumber`] it was written in, so that nothing of an earlier membership is ever taken for the present one.
+//! Defines the message set between server, nodes, leader and clients (thesis 4.3.2.9–10). Every message of a
+//! group carries the [`ViewNumber`] in which it was written, so that nothing of an earlier membership is
+//! taken for the present one.
 
 mod build;
 mod client;
@@ -50,80 +51,83 @@ impl ViewNumber {
     }
 }
 
-/// Any message that one process sends another: a frame holds exactly one.
+/// A message that one process sends another. A frame holds exactly one.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Message {
-    /// Node or client to server, first on every link.
+    /// Node or client to server: the first message on every link.
     Hello(Hello),
     /// Server to node.
     ToNode(ToNode),
     /// Node to server.
     ToServer(ToServer),
-    /// Leader to member: the barrier opens.
+    /// Leader to member: permission to compute a tick (the barrier opens).
     Dispatch(Dispatch),
-    /// Member to leader: the barrier is reached.
+    /// Member to leader: a tick is completed (the barrier is reached).
     Done(Done),
     /// Member to leader, at a rate: bodies that moved.
     Report(Report),
-    /// Member to member, once per round, if they compute neighbours.
+    /// Member to member, once per round, if they compute neighbouring regions: border messages.
     Border(Border),
-    /// Member to member, at a rate: the sender waits for others in this view, and is not the one who hangs.
+    /// Member to member, at a rate: the sender waits for others in this view, and does not hang itself.
     Waiting(ViewNumber),
-    /// Client to leader, or to the server when there is none; also in this envelope over a participant's node.
+    /// Client to leader, or to the server if there is no leader. A participant's node forwards it in this
+    /// envelope too.
     FromClient(ClientId, FromClient),
-    /// Leader or server to client; also in this envelope over a participant's node.
+    /// Leader or server to client. A participant's node forwards it in this envelope too.
     ToClient(ClientId, ToClient),
-    /// Asks for an echo.
+    /// Any process to another: asks for an echo.
     Ping(Ping),
-    /// The echo.
+    /// The echo of a ping.
     Pong(Pong),
     /// Any process to the server: asks for the status of its world.
     AskStatus,
-    /// The answer.
+    /// Server to process: the status that was asked for.
     Status(Status),
     /// Program to program, over a link between a server and another process.
     Program(Program),
-    /// Member to leader, before it says that a tick is done, where participants are verified: what it has taken in.
+    /// Member to leader, if participants are verified, before it says that a tick is done: what it has taken
+    /// in.
     Testimony(Testimony),
-    /// The same: what it told a participant whose regions the leader computes once more.
+    /// Member to leader, if participants are verified: what it told a participant whose regions the leader
+    /// computes once more.
     Copied {
-        /// Which participant.
+        /// The participant.
         to: NodeId,
-        /// What it told it.
+        /// The border message that was sent to it.
         border: Border,
     },
-    /// Leader to member: it tells some of the clients in the leader's place.
+    /// Leader to member: the member is to tell some of the clients in the leader's place.
     Relay(ToRelay),
-    /// Member to leader: a client that is expected there has a link, or has none any more.
+    /// Member to leader: a client that is expected at the member now has a link there, or no longer.
     Linked {
         /// The present view.
         view: ViewNumber,
-        /// Which client.
+        /// The client.
         client: ClientId,
-        /// Whether it has one.
+        /// Whether it has a link.
         up: bool,
     },
-    /// Relay to leader: it has taken in what it was told, up to what has this number.
+    /// Relay to leader: the relay has taken in what it was told, up to the message of this number.
     Fed {
         /// The present view.
         view: ViewNumber,
-        /// The number.
+        /// The number of the message.
         number: u64,
     },
 }
 
-/// What a message is about, to say what links carry.
+/// The subject of a message, by which traffic is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
     /// Poses and velocities of bodies that move.
     States,
-    /// What leaders tell relays, so that these tell clients states.
+    /// What leaders tell relays, so that relays tell clients states.
     Feeds,
-    /// What bodies and joints are: when a process joins, and when they appear, change or go.
+    /// The definitions of bodies and joints: when a process joins, and when they appear, change or go.
     Bodies,
     /// Beginnings, ends and forces of contacts.
     Contacts,
-    /// Answers to questions.
+    /// Answers to queries.
     Answers,
     /// Who computes which regions, and who leads.
     Regions,
@@ -133,14 +137,14 @@ pub enum Subject {
     Programs,
     /// Bodies near borders, as nodes tell each other.
     Borders,
-    /// How a group of nodes keeps in step: dispatches, and what members say of their ticks.
+    /// How a group of nodes keeps in step: dispatches, and members' reports of their ticks.
     Ticks,
-    /// Greetings, refusals, and what nodes tell one another.
+    /// Greetings, refusals, and messages of no other subject.
     Rest,
 }
 
 impl Subject {
-    /// All of them.
+    /// All subjects, in order.
     pub const ALL: [Self; 11] = [
         Self::States,
         Self::Feeds,
@@ -155,7 +159,7 @@ impl Subject {
         Self::Rest,
     ];
 
-    /// Returns its name.
+    /// Returns the name of the subject.
     pub const fn name(self) -> &'static str {
         match self {
             Self::States => "states",
@@ -173,20 +177,21 @@ impl Subject {
     }
 }
 
-/// The lane on which a message travels: reliable or datagram. Order holds within a lane only, and a dispatch or a border message may come
-/// once more in a datagram, before or after what was sent with it.
+/// The lane on which a message travels, reliable or as a datagram. Order holds within a lane only. A dispatch
+/// or a border message may arrive once more in a datagram, before or after what was sent with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lane {
-    /// Reliable and ordered: membership, world, dispatch, clients' inputs.
+    /// Reliable and ordered: membership, world, dispatches, inputs of clients.
     Control,
     /// Reliable and ordered: border messages of every tick.
     Border,
-    /// Datagrams of at most [`DATAGRAM_BYTES`](super::DATAGRAM_BYTES): newest wins, loss is made up for by the next.
+    /// Datagrams of at most [`DATAGRAM_BYTES`](super::DATAGRAM_BYTES). The newest wins; the next one makes up
+    /// for a lost one.
     State,
 }
 
 impl Message {
-    /// Returns what it is about.
+    /// Returns the subject of the message.
     pub const fn subject(&self) -> Subject {
         match self {
             Self::ToClient(_, to_client) => match to_client {
@@ -232,66 +237,72 @@ impl Message {
     }
 }
 
-/// The first message of a process that joins. Its id is that of its certificate; the runtime knows it as the peer of the link.
+/// The first message of a process that joins. Its id is that of its certificate, which the runtime knows from
+/// the link.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Hello {
-    /// [`VERSION`](super::VERSION) of the sender.
+    /// The sender's [`VERSION`](super::VERSION).
     pub version: u32,
-    /// As what it joins.
+    /// The role in which it joins.
     pub role: JoinAs,
 }
 
 /// The role in which a process joins.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub enum JoinAs {
-    /// Computes regions.
+    /// A node, which computes regions.
     Node {
-        /// Where other members and clients reach it.
+        /// The address at which other members and clients reach it.
         address: SocketAddr,
-        /// The client in the same process, if it is a participant rather than a dedicated node.
+        /// The client in the same process, if it is a participant and not a dedicated node.
         client: Option<ClientId>,
-        /// The view that it is computing, if its link broke and it calls again; else it begins anew.
+        /// The view that it is computing, if its link broke and it calls again; `None` if it begins anew.
         resume: Option<ViewNumber>,
-        /// If it leads that view: how many of the server's operations that move bodies it has heard in it.
+        /// The number of the server's operations on moving bodies that it has heard in that view, if it leads
+        /// the view.
         heard: u64,
     },
-    /// Hosts avatars.
+    /// A client, which hosts avatars.
     Client {
-        /// The area that it wants to be told of; `None`: the whole world. An own avatar is told wherever it is.
+        /// The area that it wants to be told of; `None` for the whole world. Its own avatars are told of
+        /// wherever they are.
         interest: Option<Area>,
     },
 }
 
-/// The properties of a world that every process must know (the thesis's `EnvironmentProperties`), sent whole on joining.
+/// The properties of a world that every process must know (the thesis's `EnvironmentProperties`), sent whole
+/// when a process joins.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct EnvironmentProperties {
-    /// Names the world among those of a server.
+    /// The name of the world among those of a server.
     pub world: u64,
-    /// How it is stepped.
+    /// How the world is stepped.
     pub step: StepRecord,
     /// How the world is cut into regions at first.
     pub tree: DistributionTree,
-    /// How the regions follow the load from then on; `None`: they stay.
+    /// How the regions follow the load from then on; `None` if they stay.
     pub balance: Option<Balance>,
-    /// How much of it is computed in full.
+    /// How much of the world is computed in full.
     pub fidelity: Fidelity,
-    /// Where it is looked at from, beside what clients look at.
+    /// The viewpoints from which the world is looked at, besides what clients look at.
     pub viewpoints: Vec<Viewpoint>,
-    /// How far beyond its box a region holds replicas, metres; `None`: by the size and speed of bodies.
+    /// How far beyond its cell a region holds ghosts, metres; `None` if that follows from the size and speed
+    /// of bodies.
     pub halo_m: Option<f64>,
-    /// The fastest that a client may ask its avatars to move, m/s.
+    /// The highest speed at which a client may ask its avatars to move, m/s.
     pub avatar_speed_limit: f32,
-    /// How ticks are kept in step.
+    /// The protocol by which ticks are kept in step.
     pub protocol: SyncProtocol,
-    /// Thresholds of delay and distance.
+    /// The thresholds of delay and distance.
     pub thresholds: Thresholds,
     /// The pace of ticks.
     pub pace: Pace,
-    /// Ticks from one state of a body that clients are told to the next.
+    /// The ticks between two states of a body that clients are told.
     pub state_every: u32,
-    /// The world ends after this tick; `None`: when it is told to.
+    /// The tick after which the world ends; `None` if it ends when it is told to.
     pub last_tick: Option<Tick>,
-    /// The clients that a leader tells itself while there are members that may relay for the others; `None`: all.
+    /// The number of clients that a leader tells itself while members may relay for the others; `None` for
+    /// all.
     pub relays_above: Option<u32>,
 }
 
@@ -300,17 +311,19 @@ pub struct EnvironmentProperties {
 pub enum SyncProtocol {
     /// The leader dispatches each tick and waits for all members.
     Synchronised,
-    /// Members run on for so many ticks without hearing from one another, and extrapolate bodies that others own: a message
-    /// written after one tick is applied so many ticks later, by all alike, so that cause still comes before effect. For links
-    /// whose delay is longer than a tick; with the coupling `owner`.
+    /// Members run on for `lag_ticks` ticks without hearing from one another, and extrapolate bodies that
+    /// others own. A message that was written after one tick is applied that many ticks later, by all members
+    /// alike, so that cause still comes before effect. For links whose delay is longer than a tick, with the
+    /// coupling `owner`.
     Unsynchronised {
-        /// At least the longest round trip among members, at most [`MAX_LAG`](super::MAX_LAG).
+        /// The number of ticks: at least the longest round trip among members, at most
+        /// [`MAX_LAG`](super::MAX_LAG).
         lag_ticks: u32,
     },
 }
 
 impl SyncProtocol {
-    /// Returns after how many ticks messages of others are applied.
+    /// Returns the number of ticks after which messages of others are applied.
     pub const fn lag_ticks(self) -> u64 {
         match self {
             Self::Synchronised => 0,
@@ -319,14 +332,17 @@ impl SyncProtocol {
     }
 }
 
-/// Thresholds of delay and distance (thesis 3.3.7–3.3.9).
+/// The thresholds of delay and distance of consistency groups (thesis 3.3.7–3.3.9).
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Thresholds {
-    /// Delays at which nodes join and leave groups; `None`: all that reach each other are one group.
+    /// The delays at which nodes join and leave groups. `None`: all nodes that reach each other form one
+    /// group.
     pub delay: Option<DelayThresholds>,
-    /// How far an avatar may be from its dead-reckoned position before an update is sent, metres; 0: always sent.
+    /// The largest distance of an avatar from its dead-reckoned position without an update being sent,
+    /// metres; 0: always sent.
     pub dead_reckoning_m: f32,
-    /// How far a body of one group may be from its position in the group that is authoritative for it, metres.
+    /// The largest distance of a body in one group from its position in the group that is authoritative for
+    /// it, metres.
     pub between_groups_m: f32,
 }
 
@@ -336,57 +352,58 @@ impl Default for Thresholds {
     }
 }
 
-/// Delays at which nodes join and leave groups: round trips, milliseconds.
+/// The delays at which nodes join and leave groups, as round trips in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct DelayThresholds {
-    /// Below it a node is wanted; below `rejection_ms`.
+    /// Below this delay a node is wanted in the group; less than `rejection_ms`.
     pub inclusion_ms: f32,
-    /// Above it a member is not wanted any more.
+    /// Above this delay a member is not wanted any more.
     pub rejection_ms: f32,
-    /// How much the latest delay may be above `rejection_ms` while the average is below it.
+    /// The amount by which the latest delay may exceed `rejection_ms` while the average is below it.
     pub deviation_ms: f32,
 }
 
 /// The pace at which ticks follow one another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Pace {
-    /// One every `dt_s` of real time; a late tick is not made up for by more than one.
+    /// One tick per `dt_s` of real time. At most one late tick is made up for.
     RealTime,
-    /// As soon as all members are ready.
+    /// A tick as soon as all members are ready.
     Unpaced,
 }
 
-/// A node of a group.
+/// A node that is a member of a group.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Member {
-    /// Which.
+    /// The node.
     pub node: NodeId,
-    /// Where it is reached.
+    /// The address at which it is reached.
     pub address: SocketAddr,
-    /// The client in its process, if any.
+    /// The client in its process, if there is one.
     pub client: Option<ClientId>,
 }
 
-/// A membership view of a group: which member computes which regions from `tick` on.
+/// A view, that is a numbered membership of a group: which member computes which regions from `tick` on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct View {
-    /// Of which group.
+    /// The group.
     pub group: GroupId,
-    /// Its number.
+    /// The number of the view.
     pub number: ViewNumber,
-    /// The last tick before it; the leader dispatches the next.
+    /// The last tick before the view. The leader dispatches the next one.
     pub tick: Tick,
-    /// Who leads; one of the members.
+    /// The leader, one of the members.
     pub leader: NodeId,
-    /// In id order.
+    /// The members, in id order.
     pub members: Vec<Member>,
-    /// The tree of the world's regions; it may change within the view.
+    /// The tree of the world's regions, which may change within the view.
     pub tree: DistributionTree,
-    /// Which member computes each region.
+    /// The member that computes each region.
     pub allocation: Allocation,
-    /// Whether the server's program hears of the contacts of all bodies that ask for them; else clients do of their own.
+    /// Whether the server's program hears of the contacts of all bodies that ask for them; otherwise clients
+    /// hear of those of their own bodies.
     pub events: bool,
-    /// Where the world is looked at from, whoever is there, until [`ToNode::Look`] says otherwise.
+    /// The viewpoints of the server's program, whoever else looks, until [`ToNode::Look`] changes them.
     pub viewpoints: Vec<Viewpoint>,
 }
 
@@ -396,7 +413,7 @@ impl View {
         self.members.iter().find(|member| member.node == self.leader)
     }
 
-    /// Changes tree and allocation, or neither if the tree cannot be changed so.
+    /// Changes tree and allocation, or neither of them if the tree cannot be changed so.
     pub fn repartition(&mut self, repartition: &Repartition) -> Result<(), TreeError> {
         let mut tree = self.tree.clone();
         tree.change(&repartition.changes)?;
@@ -409,18 +426,19 @@ impl View {
 /// A body together with the region that owns it from the coming view on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Placed {
-    /// The owner.
+    /// The region that owns it.
     pub region: RegionId,
     /// The body, whole, at its new epoch.
     pub body: BodyRecord,
 }
 
-/// A part of a world too large for one message; at most [`CHUNK_BYTES`](super::CHUNK_BYTES) but for a single large item.
+/// A part of a world that is too large for one message: at most [`CHUNK_BYTES`](super::CHUNK_BYTES), except
+/// for a single larger item.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Chunk {
-    /// Shapes, each before the bodies and compounds that name it.
+    /// Shapes. Each comes before the bodies and compounds that name it.
     Shapes(Vec<ShapeRecord>),
-    /// To nodes: immovable bodies, known to every node from the start. To clients: every body.
+    /// To nodes: immovable bodies, which every node knows from the start. To clients: all bodies.
     Bodies(Vec<BodyRecord>),
     /// Bodies that change node in the coming view.
     Placed(Vec<Placed>),
@@ -428,20 +446,20 @@ pub enum Chunk {
     Joints(Vec<JointRecord>),
 }
 
-/// A clock probe, microseconds of the sender's clock.
+/// A clock probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Ping {
-    /// When it was sent.
+    /// When it was sent, microseconds of the sender's clock.
     pub sent_us: u64,
 }
 
-/// The answer to a clock probe: four time stamps with the asker's time of arrival.
+/// The answer to a clock probe. Together with the time at which it arrives, it gives four time stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Pong {
-    /// Of the ping, by the asker's clock.
+    /// When the ping was sent, microseconds of the asker's clock.
     pub sent_us: u64,
-    /// Its arrival, by the answerer's clock.
+    /// When the ping arrived, microseconds of the answerer's clock.
     pub received_us: u64,
-    /// When this was sent, by the answerer's clock.
+    /// When this answer was sent, microseconds of the answerer's clock.
     pub answered_us: u64,
 }

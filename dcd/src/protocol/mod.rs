@@ -1,4 +1,5 @@
-//! Defines everything that is sent: bodies, shapes, joints and border messages as plain values, and their encoding. Pure; no Rapier.
+//! Defines everything that is sent: bodies, shapes, joints and border messages as plain values, and their
+//! encoding. Pure; no Rapier.
 
 mod alteration;
 pub(crate) mod assembly;

@@ -1,5 +1,5 @@
-//! Defines the wire form of shapes. A shape is named by the hash of its content, and a peer that has it is not sent it again (thesis
-//! 4.3.2.5).
+//! Defines the wire form of shapes. A shape is named by the hash of its content, and a peer that has it is
+//! not sent it again (thesis 4.3.2.5).
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -21,60 +21,63 @@ impl fmt::Display for ShapeHash {
     }
 }
 
-/// The defining numbers of a shape, in metres; acceleration trees are rebuilt by the receiver.
+/// The numbers that define a shape; lengths are in metres. The receiver rebuilds acceleration trees.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum ShapeRecord {
-    /// Radius.
+    /// A ball: radius.
     Ball(f32),
-    /// Half edges.
+    /// A box: half edges.
     Cuboid([f32; 3]),
-    /// Ends of the axis, radius.
+    /// A capsule: both ends of its axis, radius.
     Capsule([f32; 3], [f32; 3], f32),
-    /// Half height along y, radius.
+    /// A cylinder: half height along y, radius.
     Cylinder(f32, f32),
-    /// Half height along y, radius.
+    /// A cone: half height along y, radius.
     Cone(f32, f32),
-    /// Two points.
+    /// A segment: two points.
     Segment([[f32; 3]; 2]),
-    /// Three points.
+    /// A triangle: three points.
     Triangle([[f32; 3]; 3]),
-    /// Outward unit normal; solid below.
+    /// A half-space, solid below its surface: outward unit normal.
     HalfSpace([f32; 3]),
-    /// Vertices and the triangles of a closed convex surface.
+    /// A convex polyhedron: vertices, and the triangles of its closed surface.
     ConvexPolyhedron(Vec<[f32; 3]>, Vec<[u32; 3]>),
-    /// Vertices, triangles and bits of Parry's `TriMeshFlags`.
+    /// A mesh of triangles: vertices, triangles, and bits of Parry's `TriMeshFlags`.
     TriMesh(Vec<[f32; 3]>, Vec<[u32; 3]>, u16),
-    /// Vertices and edges.
+    /// A polyline: vertices and edges.
     Polyline(Vec<[f32; 3]>, Vec<[u32; 2]>),
-    /// Heights in column order, rows, columns, scale, bits of Parry's `HeightFieldFlags`; bits of its
-    /// `HeightFieldCellStatus` for each cell in column order, or none if all are whole and cut the usual way.
+    /// A height field: heights in column order, rows, columns, scale, bits of Parry's `HeightFieldFlags`, and
+    /// for each cell in column order bits of its `HeightFieldCellStatus`. The last list is empty if all cells
+    /// are whole and cut the usual way.
     HeightField(Vec<f32>, u32, u32, [f32; 3], u8, Vec<u8>),
-    /// Half edges, border radius.
+    /// A box with a border: half edges, border radius.
     RoundCuboid([f32; 3], f32),
-    /// Half height, radius, border radius.
+    /// A cylinder with a border: half height, radius, border radius.
     RoundCylinder(f32, f32, f32),
-    /// Half height, radius, border radius.
+    /// A cone with a border: half height, radius, border radius.
     RoundCone(f32, f32, f32),
-    /// Three points, border radius.
+    /// A triangle with a border: three points, border radius.
     RoundTriangle([[f32; 3]; 3], f32),
-    /// Vertices and the triangles of a closed convex surface, border radius.
+    /// A convex polyhedron with a border: vertices, the triangles of its closed surface, border radius.
     RoundConvexPolyhedron(Vec<[f32; 3]>, Vec<[u32; 3]>, f32),
-    /// Edges of a voxel, coordinates of the filled ones in ascending order, each once.
+    /// Voxels: edges of one voxel, and the coordinates of the filled ones in ascending order, each once.
     Voxels([f32; 3], Vec<[i32; 3]>),
-    /// Other shapes and where each lies; named, so that no type contains itself.
+    /// A compound: the pose and hash of each part. Parts are named, so that no type contains itself.
     Compound(Vec<(Pose, ShapeHash)>),
 }
 
 /// The farthest that voxels may lie from the origin of their shape, on each axis.
 pub(crate) const MAX_VOXEL: i32 = 1 << 20;
 
-/// Parry keeps voxels in blocks of this edge, and half a kilobyte for each block, however few of its voxels are filled.
+/// The edge of the blocks in which Parry keeps voxels. A block takes half a kilobyte, however few of its
+/// voxels are filled.
 const BLOCK: i32 = 8;
 
 /// The most blocks of one shape.
 const MAX_BLOCKS: usize = 1 << 16;
 
-/// Returns whether these voxels can be held: not empty, ascending, not too far out and not strewn over too many blocks.
+/// Returns whether these voxels can be held: not empty, ascending, not too far out, and not strewn over too
+/// many blocks.
 pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
     let block = |voxel: &[i32; 3]| voxel.map(|v| v.div_euclid(BLOCK));
     !voxels.is_empty()
@@ -83,11 +86,13 @@ pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
         && voxels.iter().map(block).collect::<BTreeSet<_>>().len() <= MAX_BLOCKS
 }
 
-/// The most bytes of one shape: as many as fit into a message, with what is around them. The tick in which it comes has inputs, too.
+/// The most bytes of one shape: as many as fit into a message with what is around them. The tick in which the
+/// shape comes has inputs too.
 const MAX_SHAPE_BYTES: usize = MAX_MESSAGE_BYTES - (512 << 10);
 
 impl ShapeRecord {
-    /// Returns whether it fits into one message. Who reads it counts lists by what they take in memory, before they are read.
+    /// Returns whether the shape fits into one message. The reader counts lists by their size in memory,
+    /// before it reads them.
     #[doc(hidden)]
     pub fn can_travel(&self) -> bool {
         let points = |points: &Vec<[f32; 3]>| encoded_len(points);
@@ -103,7 +108,7 @@ impl ShapeRecord {
         bytes <= MAX_SHAPE_BYTES
     }
 
-    /// Returns the name of this shape.
+    /// Returns the hash that names this shape.
     pub fn hash(&self) -> ShapeHash {
         // Encoding plain numbers into memory cannot fail.
         let bytes = bincode::encode_to_vec(self, bincode::config::standard()).expect("a shape encodes");
@@ -112,14 +117,15 @@ impl ShapeRecord {
         ShapeHash(short)
     }
 
-    /// Returns whether it is made of other shapes.
+    /// Returns whether the shape is made of other shapes.
     #[doc(hidden)]
     pub fn is_compound(&self) -> bool {
         matches!(self, Self::Compound(_))
     }
 
-    /// Returns whether clients may use it in queries and as an avatar: it is no mesh, and is bounded. Nor is it made of voxels: Parry
-    /// aborts the process where they meet a half-space, and a cast goes along them cell by cell, however small they are.
+    /// Returns whether clients may use the shape in queries and as an avatar: it is bounded and no mesh.
+    /// Voxels are excluded too: Parry aborts the process where they meet a half-space, and a cast goes along
+    /// them cell by cell, however small they are.
     #[doc(hidden)]
     pub fn suits_clients(&self) -> bool {
         !matches!(
@@ -132,13 +138,14 @@ impl ShapeRecord {
         )
     }
 
-    /// Returns whether a client that may build may fix it: Parry aborts the process where voxels meet a half-space, whoever made the one
-    /// or the other.
+    /// Returns whether a builder may make a fixed body of the shape. Parry aborts the process where voxels
+    /// meet a half-space, whoever made either of them.
     pub(crate) fn suits_builders(&self) -> bool {
         !matches!(self, Self::HalfSpace(..) | Self::Voxels(..))
     }
 
-    /// Returns its largest dimension in metres; infinity unless it suits clients. Parts of a compound have their own.
+    /// Returns the largest dimension of the shape, metres; infinity unless it suits clients. Parts of a
+    /// compound have their own.
     #[doc(hidden)]
     pub fn largest_m(&self) -> f32 {
         match self.suits_clients() {
@@ -147,14 +154,15 @@ impl ShapeRecord {
         }
     }
 
-    /// Returns how far it reaches from its origin at most, metres; infinity for a half-space. Parts of a compound have their own.
+    /// Returns how far the shape reaches from its origin at most, metres; infinity for a half-space. Parts of
+    /// a compound have their own.
     #[doc(hidden)]
     pub fn reach_m(&self) -> f32 {
         self.half_extents_m().iter().map(|v| v * v).sum::<f32>().sqrt()
     }
 
-    /// Returns half the edges of a box about its origin, along its own axes, that holds it, metres; infinite for a half-space. Of a
-    /// compound it holds the origins of the parts.
+    /// Returns half the edges of a box around the shape's origin, along its own axes, that holds it, metres;
+    /// infinite for a half-space. The box of a compound holds the origins of its parts.
     pub(crate) fn half_extents_m(&self) -> [f32; 3] {
         let of = |points: &[[f32; 3]], border: f32| {
             [0, 1, 2].map(|k| points.iter().fold(0.0f32, |most, point| most.max(point[k].abs())) + border)
@@ -191,7 +199,8 @@ impl ShapeRecord {
         }
     }
 
-    /// Returns how many corners it has, 1 for what is round or made of other shapes: what a contact with it costs.
+    /// Returns the number of corners, which is what a contact with the shape costs; 1 for a shape that is
+    /// round or made of others.
     #[doc(hidden)]
     pub fn corner_count(&self) -> usize {
         match self {
@@ -242,7 +251,8 @@ mod tests {
 
     #[test]
     fn what_can_travel_is_read_as_it_was_sent_and_one_more_is_not_sent() {
-        // An edge of 128, so that they lie in few of Parry's blocks; short where they are encoded, long where they are read.
+        // An edge of 128, so that they lie in few of Parry's blocks. The list is short when encoded, and long
+        // in memory.
         let voxels = |count: i32| {
             let all = (0..count).map(|i| [i >> 14, i >> 7 & 127, i & 127]).collect();
             ShapeRecord::Voxels([0.5; 3], all)

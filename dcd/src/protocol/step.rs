@@ -1,4 +1,5 @@
-//! Carries how a world is stepped: what every process that computes a part of it must know alike, and the range of each setting.
+//! Carries the settings by which a world is stepped, which every process that computes a part of it must
+//! share, and the range of each.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -9,20 +10,22 @@ use super::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Encode, Decode)]
 #[serde(rename_all = "lowercase")]
 pub enum Coupling {
-    /// Replicas are kinematic ghosts that push and are not pushed. What most projects do; it gains energy and drops
-    /// stacks. The baseline that the other methods are compared with.
+    /// Ghosts are kinematic: they push and are not pushed. Most projects do so. It gains energy and drops
+    /// stacks. The baseline with which the other methods are compared.
     Proxy,
-    /// Replicas are dynamic copies, overwritten by their owner after each step. Cheap and tolerant of delay; it does not
-    /// conserve momentum across a border.
+    /// Ghosts are dynamic copies, which their owner overwrites after each step. Cheap and tolerant of delay;
+    /// it does not conserve momentum across a border.
     Owner,
-    /// Bodies within some contact hops of a border live in both regions, each copy with a part of the mass (mass splitting);
-    /// copies follow their consensus, the mean, and regions even out the forces at the edges of the overlap.
+    /// Bodies within some contact hops of a border live in both regions, each copy with a part of the mass
+    /// (mass splitting). The copies follow their consensus, the mean, and regions even out the forces at the
+    /// edges of the overlap.
     Overlap,
-    /// Bodies that meet across a border are solved by both regions with whole copies, and the region that sees most of the island
-    /// is authoritative; an island that stays in touch moves whole to one region, where it is computed exactly. Islands above the
-    /// limit as by `overlap`.
+    /// Both regions solve bodies that meet across a border with whole copies, and the region that sees most
+    /// of the island is authoritative. An island that stays in touch moves whole to one region, where it is
+    /// computed exactly. Islands above the limit are treated as by `overlap`.
     Island,
-    /// As `island`, with the exchanges of each border at which an island is split chosen by how far its copies disagree.
+    /// The same as `island`, but the number of exchanges at each border that splits an island follows from
+    /// how far its copies disagree.
     #[default]
     Auto,
 }
@@ -31,7 +34,7 @@ impl Coupling {
     /// All methods.
     pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
 
-    /// Returns its name on the command line and in files.
+    /// Returns the name of the method on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Proxy => "proxy",
@@ -42,7 +45,7 @@ impl Coupling {
         }
     }
 
-    /// Returns the exchanges per tick that suit it; of `auto`, the most it may take.
+    /// Returns the number of exchanges per tick that suits the method; for `auto`, the most it may take.
     pub const fn usual_exchanges(self) -> usize {
         match self {
             Self::Proxy | Self::Owner => 1,
@@ -52,34 +55,36 @@ impl Coupling {
     }
 }
 
-/// How a world is stepped, as it travels: the settings of [`StepSettings`](crate::StepSettings) that nodes share.
+/// The settings of how a world is stepped, as they are sent: those of [`StepSettings`](crate::StepSettings)
+/// that nodes share.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct StepRecord {
-    /// m/s².
+    /// The gravity, m/s².
     pub gravity: [f32; 3],
-    /// Seconds per tick.
+    /// The length of a tick, seconds.
     pub dt_s: f32,
     /// Solver iterations per tick.
     pub solver_iterations: u32,
-    /// How regions agree.
+    /// The method by which regions agree.
     pub coupling: Coupling,
-    /// Exchanges per tick, or the most that a border may take.
+    /// The exchanges per tick, or the most that a border may take.
     pub exchanges: u32,
-    /// Contact hops of an overlap.
+    /// The depth of an overlap, in contact hops.
     pub depth: u32,
     /// The most bodies of an island that moves whole.
     pub island_limit: u32,
-    /// The disagreement of copies that is tolerated, m/s.
+    /// The tolerated disagreement of copies, m/s.
     pub tolerance_m_s: f32,
-    /// The fastest that a dynamic body moves, m/s.
+    /// The highest speed of a dynamic body, m/s.
     pub speed_limit_m_s: f32,
 }
 
-/// A setting that is out of range: its name, its value, and what it may be.
+/// A setting that is out of range: its name, its value, and the values that are allowed.
 pub type SettingFault = (&'static str, String, &'static str);
 
 impl StepRecord {
-    /// Returns the first setting that is out of range. Programs, scene files, the C API and peers are all held to these ranges.
+    /// Returns the first setting that is out of range. Programs, scene files, the C API and peers all keep to
+    /// these ranges.
     pub fn fault(&self) -> Option<SettingFault> {
         let Self {
             gravity,

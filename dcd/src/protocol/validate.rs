@@ -1,32 +1,33 @@
-//! Checks values from strangers beyond their format: finite numbers, unit quaternions, indices in range, ids that agree. Here
-//! bodies, joints, shapes and border messages; `messages` has the rest. "Parse, don't validate": [`decode`](super::decode) never returns a
-//! message that fails [`Check`].
+//! Checks values from strangers beyond their format: finite numbers, unit quaternions, indices in range, ids
+//! that agree. This file has bodies, joints, shapes and border messages; `messages` has the rest.
+//!
+//! "Parse, don't validate": [`decode`](super::decode) never returns a message that fails [`Check`].
 
 mod messages;
 
 use super::*;
 use crate::space::{Epoch, Tick};
 
-/// The farthest distance from the origin at which anything of a world can be, in metres.
+/// The greatest distance from the origin at which anything in a world can be, metres.
 pub const WORLD_REACH_M: f64 = 1e9;
 
-/// The largest extent of a shape and of a path in a client's query, in metres: with larger numbers Parry's searches do not end,
-/// or abort the process.
+/// The largest extent of a shape and of a path in a client's query, metres. With larger numbers Parry's
+/// searches do not end, or abort the process.
 pub const SHAPE_REACH_M: f32 = 1e6;
 
-/// The least thickness of a shape, in metres, for the same reason.
+/// The least thickness of a shape, metres, for the same reason.
 pub const SHAPE_LEAST_M: f32 = 1e-4;
 
 /// The most rounds per tick.
 pub const MAX_ROUNDS: u32 = 64;
 
-/// The most ticks that members run on without hearing from one another.
+/// The most ticks for which members run on without hearing from one another.
 pub const MAX_LAG: u32 = 60;
 
-/// The most ticks from one state that clients are told to the next.
+/// The most ticks between two states of a body that clients are told.
 pub const MAX_STATE_TICKS: u32 = 30;
 
-/// The most contact hops of an overlap's depth.
+/// The greatest depth of an overlap, in contact hops.
 pub const MAX_DEPTH: u32 = 16;
 
 /// The most colliders of one body.
@@ -35,28 +36,29 @@ pub const MAX_COLLIDERS: usize = 4_096;
 /// The most bytes of a program's message.
 pub const PROGRAM_MESSAGE_BYTES: usize = 32 << 10;
 
-/// The most bytes of a program's datagram: with its envelope it fits one of the transport's.
+/// The most bytes of a program's datagram. With its envelope it fits a datagram of the network.
 pub const PROGRAM_DATAGRAM_BYTES: usize = 1_024;
 
-/// The newest tick: four million years at 60 ticks per second. Whoever counts on from it does not overflow.
+/// The newest tick: four million years at 60 ticks per second. Counting on from it does not overflow.
 const MAX_TICK: u64 = 1 << 53;
 
-/// The newest view, for the same reason: the epochs of bodies that are placed in it must have room for their transfers.
+/// The newest view, for the same reason: the epochs of bodies that are placed in it must leave room for their
+/// transfers.
 const MAX_VIEW: u64 = 1 << 38;
 
 /// A broken rule of the protocol: the field, and the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must be {rule}")]
 pub struct Invalid {
-    /// Which field.
+    /// The field.
     pub field: &'static str,
-    /// What it must be.
+    /// The rule: what the field must be.
     pub rule: &'static str,
 }
 
-/// Checks whether a value keeps the rules of the protocol.
+/// A value that can be checked against the rules of the protocol.
 pub trait Check {
-    /// Returns the first broken rule as an error.
+    /// Returns the first rule that is broken, as an error.
     fn check(&self) -> Result<(), Invalid>;
 }
 
@@ -80,7 +82,7 @@ fn size(values: &[f32], field: &'static str) -> Result<(), Invalid> {
     must(values.iter().all(|v| (SHAPE_LEAST_M..=SHAPE_REACH_M).contains(v)), field, "from 1e-4 to 1e6 m")
 }
 
-/// Limits may be infinite, but never NaN.
+/// Checks limits, which may be infinite but never NaN.
 fn numbers(values: &[f32], field: &'static str) -> Result<(), Invalid> {
     must(values.iter().all(|v| !v.is_nan()), field, "numbers")
 }
@@ -221,7 +223,7 @@ impl Check for BodyTraits {
             Some(ExtraMass::Properties(record)) => record.check()?,
             None => {}
         }
-        // Solvers loop this often: a stranger must not stall a region with one body.
+        // Solvers loop this often, and a stranger must not stall a region with one body.
         must(self.extra_solver_iterations <= 1_000, "extra_solver_iterations", "at most 1000")?;
         must(self.extra_pgs_iterations <= 1_000, "extra_pgs_iterations", "at most 1000")?;
         must(self.colliders.len() <= MAX_COLLIDERS, "colliders", "at most 4096")?;

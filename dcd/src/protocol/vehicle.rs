@@ -1,4 +1,5 @@
-//! Describes vehicles: bodies on wheels that are rays (Rapier's ray-cast vehicle controller), driven where they are computed.
+//! Describes vehicles: bodies whose wheels are rays (Rapier's ray-cast vehicle controller), driven where they
+//! are computed.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -8,54 +9,59 @@ use serde::{Deserialize, Serialize};
 /// The most wheels of a vehicle.
 pub const MAX_WHEELS: usize = 32;
 
-/// The settings of a vehicle: a dynamic body, its chassis, that stands on wheels and is driven by them ([`Drive`]).
+/// The settings of a vehicle: a dynamic body, its chassis, that stands on wheels and is driven by them
+/// ([`Drive`]).
 ///
-/// Each wheel is a ray along its suspension, to the nearest collider that the chassis may collide with. What it stands on feels nothing of it.
+/// Each wheel is a ray along its suspension, to the nearest collider with which the chassis may collide. A
+/// body on which a wheel stands feels nothing of it.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Vehicle {
-    /// 1 to [`MAX_WHEELS`].
+    /// The wheels, 1 to [`MAX_WHEELS`] (32).
     pub wheels: Vec<Wheel>,
-    /// The speed above which its engine does not speed it up, m/s; above 0.
+    /// The speed above which the engine does not accelerate the vehicle, m/s; above 0, at most 10,000.
     pub top_speed_m_s: f32,
 }
 
-/// A wheel of a vehicle. All points and directions are relative to the chassis.
+/// A wheel of a vehicle. All points and directions are relative to the chassis. Lengths are 0 to 100 m.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Wheel {
-    /// Where its suspension begins, metres.
+    /// The point where the suspension begins, metres.
     pub at_m: [f32; 3],
-    /// Where its suspension points, of length 1.
+    /// The direction of the suspension, of length 1.
     pub down: [f32; 3],
-    /// Its axle, of length 1: it rolls forward in the direction of `axle` × `down`.
+    /// The axle, of length 1, across the suspension. The wheel rolls forward in the direction of `axle` ×
+    /// `down`.
     pub axle: [f32; 3],
-    /// The length of its suspension without a load, metres.
+    /// The length of the suspension without a load, metres.
     pub rest_m: f32,
-    /// How far the suspension is pressed from there at most, metres.
+    /// The distance by which the suspension can be compressed from there, metres.
     pub travel_m: f32,
-    /// Metres; above 0.
+    /// The radius of the wheel, metres; above 0.
     pub radius_m: f32,
-    /// The stiffness of its suspension per kilogram of the chassis, 1/s².
+    /// The stiffness of the suspension per kilogram of the chassis, 1/s², 0 to 1e9.
     pub stiffness: f32,
-    /// The damping of its suspension as it is pressed, per kilogram of the chassis, 1/s.
+    /// The damping of the suspension while it is compressed, per kilogram of the chassis, 1/s, 0 to 1e9.
     pub compression: f32,
-    /// The damping of its suspension as it is released, per kilogram of the chassis, 1/s.
+    /// The damping of the suspension while it is released, per kilogram of the chassis, 1/s, 0 to 1e9.
     pub relaxation: f32,
-    /// The greatest force of its suspension, newtons.
+    /// The greatest force of the suspension, newtons, 0 to 1e9.
     pub most_force_n: f32,
-    /// Its grip: across, and along twice as much, it holds up to this many times the force that its suspension bears.
+    /// The grip, 0 to 1,000: the wheel holds up to this many times the force that its suspension bears across
+    /// its direction, and twice as much along it.
     pub grip: f32,
-    /// How much of a sideways slip it takes, 0 to 1: with 1 a fifth in each substep.
+    /// The part of a sideways slip that the wheel takes, 0 to 1: with 1, a fifth in each substep.
     pub side_grip: f32,
-    /// The force of the engine on it at full throttle, newtons.
+    /// The force of the engine on this wheel at full throttle, newtons, 0 to 1e9.
     pub engine_n: f32,
-    /// The force of its brake, newtons.
+    /// The force of the brake, newtons, 0 to 1e9.
     pub brake_n: f32,
-    /// The angle by which it turns when steered, radians, between -π/2 and π/2: to the left about `-down`, if above 0.
+    /// The angle by which the wheel turns when fully steered, radians, -π/2 to π/2. A positive angle turns it
+    /// to the left, about `-down`.
     pub steering_rad: f32,
 }
 
 impl Default for Wheel {
-    /// Of a car of a tonne, forward along x, upward along y; neither driven nor steered.
+    /// Returns a wheel of a car of a tonne, forward along x, upward along y; neither driven nor steered.
     fn default() -> Self {
         Self {
             at_m: [0.0; 3],
@@ -78,7 +84,8 @@ impl Default for Wheel {
 }
 
 impl Default for Vehicle {
-    /// A car with a chassis of 3.2 × 0.8 × 1.6 m and about a tonne, forward along x, upward along y: driven behind, steered in front.
+    /// Returns a car with a chassis of 3.2 × 0.8 × 1.6 m and about a tonne, forward along x, upward along y:
+    /// driven behind, steered in front.
     fn default() -> Self {
         let wheel = |x: f32, z: f32| {
             let (engine_n, steering_rad) = if x > 0.0 { (0.0, 0.6) } else { (2_500.0, 0.0) };
@@ -89,12 +96,12 @@ impl Default for Vehicle {
     }
 }
 
-/// What the driver of a vehicle does.
+/// The actions of a vehicle's driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Drive {
     /// The part of the engine's force, -1 (backward) to 1.
     pub throttle: f32,
-    /// The part of the brakes' force, 0 to 1; with throttle it has no effect on wheels that are driven.
+    /// The part of the brakes' force, 0 to 1. While there is throttle it has no effect on driven wheels.
     pub brake: f32,
     /// The part of the wheels' steering angle, -1 to 1.
     pub steering: f32,
@@ -126,7 +133,7 @@ impl Vehicle {
         self.wheels.iter().find_map(Wheel::fault)
     }
 
-    /// Returns how far its wheels reach from the origin of the chassis at most, metres.
+    /// Returns how far the wheels reach from the origin of the chassis at most, metres.
     pub(crate) fn reach_m(&self) -> f32 {
         let of = |wheel: &Wheel| length(wheel.at_m) + wheel.rest_m + wheel.travel_m + wheel.radius_m;
         self.wheels.iter().map(of).fold(0.0, f32::max)

@@ -1,4 +1,5 @@
-//! Allocates regions to nodes: deals sub-trees of the distribution tree to nodes by load (thesis 3.2, 4.3.1.3).
+//! Allocates regions to nodes: deals sub-trees of the distribution tree to nodes by load (thesis 3.2,
+//! 4.3.1.3).
 
 use std::collections::BTreeMap;
 
@@ -7,10 +8,12 @@ use super::{DistributionTree, NodeId, RegionId};
 /// The node of each region, in region order.
 pub type Allocation = BTreeMap<RegionId, NodeId>;
 
-/// Deals the leaves of the tree to the nodes, so that each node has whole sub-trees and about an equal part of the load.
+/// Deals the leaves of the tree to the nodes, so that each node has whole sub-trees and about an equal part
+/// of the load.
 ///
-/// `load_of` says what a leaf costs, in any unit. The lowest node leads the group, and has the smallest share: the thesis
-/// measured leaders 10 to 46 % slower than their members (table 5.6). With more nodes than leaves the lowest stay idle.
+/// `load_of` returns the load of a leaf, in any unit. The lowest node leads the group, and has the smallest
+/// share: the thesis measured leaders 10 to 46 % slower than their members (table 5.6). If there are more
+/// nodes than leaves, the lowest nodes stay idle.
 ///
 /// # Panics
 /// When `nodes` is empty: a world without a node has no allocation.
@@ -39,9 +42,9 @@ pub fn allocate(tree: &DistributionTree, nodes: &[NodeId], load_of: impl Fn(Regi
     allocation
 }
 
-/// Allocates anew what nodes had that are not among `nodes` any more, and moves nothing else: each such region goes to one of the
-/// nodes that are nearest to it in the tree, to the one with the least load. Whoever is new has nothing yet. Where nobody is left it is
-/// [`allocate`].
+/// Allocates anew the regions of nodes that are not among `nodes` any more, and moves nothing else. Each such
+/// region goes to one of the nodes that are nearest to it in the tree: to the one with the least load. A new
+/// node gets nothing yet. If no former node is left, the result is that of [`allocate`].
 ///
 /// # Panics
 /// When `nodes` is empty.
@@ -98,7 +101,7 @@ fn deal(
     let load = |vertex| leaves_below(tree, vertex).into_iter().map(load_of).sum::<f64>();
     let (left_load, total) = (load(left), load(vertex));
     let share = if total > 0.0 { left_load / total } else { left_leaves as f64 / leaves.len() as f64 };
-    // Each side gets at least one node and at most as many as it has leaves.
+    // Each side gets at least one node, and at most as many as it has leaves.
     let most = left_leaves.min(nodes.len() - 1);
     let least = nodes.len().saturating_sub(right_leaves).max(1);
     let left_nodes = ((share * nodes.len() as f64).round() as usize).clamp(least, most);
@@ -131,7 +134,8 @@ mod tests {
         DistributionTree::halved(Bounds::new([0.0; 3], [16.0, 8.0, 8.0]), leaves).unwrap()
     }
 
-    /// Counts the vertices below which the regions of one node lie, as few as possible: those whose whole sub-tree is the node's.
+    /// Counts the fewest vertices below which exactly the regions of one node lie: those whose whole sub-tree
+    /// is the node's.
     fn tops(tree: &DistributionTree, allocation: &Allocation, node: NodeId) -> usize {
         let whole = |vertex| leaves_below(tree, vertex).iter().all(|leaf| allocation[leaf] == node);
         let mut open = vec![RegionId(0)];

@@ -1,5 +1,7 @@
-//! Plans load balancing of the distribution tree (thesis 3.2, 4.3.2.2): planes move so that regions have equal load, regions are
-//! split and merged as the load grows and shrinks. Equal counts give equal trees; hysteresis keeps a tree that is good enough.
+//! Plans load balancing of the distribution tree (thesis 3.2, 4.3.2.2). Planes move so that regions have
+//! equal load; regions are split and merged as the load grows and shrinks.
+//!
+//! Equal counts give equal trees. Hysteresis keeps a tree that is good enough.
 
 use std::collections::BTreeSet;
 
@@ -8,23 +10,24 @@ use serde::{Deserialize, Serialize};
 
 use super::{Axis, Bounds, DistributionTree, RegionId, TreeChange, TreeError};
 
-/// The settings of load balancing.
+/// The settings by which the regions of a world follow its load: planes move, regions are split and merged.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Encode, Decode)]
 #[serde(default, deny_unknown_fields)]
 pub struct Balance {
-    /// The ticks from one look at the load to the next; at least 1.
+    /// The number of ticks between two looks at the load; at least 1.
     pub every_ticks: u32,
-    /// Planes move when the heaviest region has more than this many times the mean load; above 1.
+    /// The factor above the mean load at which planes move, compared with the heaviest region's load; above
+    /// 1.
     pub tolerance: f64,
-    /// The heaviest region is cut while it has more load than this: bodies and contacts, or microseconds per tick.
+    /// The load above which the heaviest region is cut: bodies and contacts, or microseconds per tick.
     pub split_above: f64,
-    /// Two siblings are merged when they have less load together; below `split_above`.
+    /// The load below which two sibling regions together are merged; less than `split_above`.
     pub merge_below: f64,
-    /// Never fewer regions than this, at least 1.
+    /// The least number of regions, at least 1.
     pub least_regions: usize,
-    /// Never more regions than this, at most [`MAX_REGIONS`](super::MAX_REGIONS).
+    /// The largest number of regions, at most [`MAX_REGIONS`](super::MAX_REGIONS) (256).
     pub most_regions: usize,
-    /// No region becomes thinner than this, in metres: a few times the largest common body.
+    /// The smallest edge of a region, metres, above 0: a few times the largest common body.
     pub smallest_edge_m: f64,
     /// The measure of load.
     pub load: Load,
@@ -34,10 +37,11 @@ pub struct Balance {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Encode, Decode)]
 #[serde(rename_all = "lowercase")]
 pub enum Load {
-    /// Awake bodies, copies of others' among them, and contacts: the same on every machine.
+    /// The number of awake bodies, ghosts included, and contacts: the same on every machine.
     #[default]
     Counts,
-    /// The time that regions took, in microseconds per tick, smoothed: true, and never the same twice.
+    /// The time that regions took, in microseconds per tick, smoothed: the true load, and never the same
+    /// twice.
     Times,
 }
 
@@ -57,25 +61,27 @@ impl Default for Balance {
 }
 
 impl Balance {
-    /// Returns settings that keep this many regions, whatever the load.
+    /// Returns settings that keep this number of regions, whatever the load.
     #[must_use]
     pub fn keeping(regions: usize) -> Self {
         Self { least_regions: regions, most_regions: regions, ..Self::default() }
     }
 
-    /// Returns the settings by which each node of a served world has one region, in proportion to its speed, as nodes come and go.
+    /// Returns settings that give each node of a served world one region, in proportion to the node's speed,
+    /// as nodes come and go.
     #[must_use]
     pub fn by_nodes() -> Self {
         Self { split_above: 1e9, merge_below: 0.5e9, load: Load::Times, ..Self::default() }
     }
 
-    /// Returns the same settings for so many nodes: none of them is to be without a region.
+    /// Returns the same settings for so many nodes, none of which is to be without a region.
     #[doc(hidden)]
     pub fn among(self, nodes: usize) -> Self {
         Self { least_regions: self.least_regions.max(nodes).min(self.most_regions), ..self }
     }
 
-    /// Returns what is wrong with the settings, if anything: the name of the setting, its value, and what it may be.
+    /// Returns what is wrong with the settings, if anything: the name of the setting, its value, and the
+    /// values that are allowed.
     #[doc(hidden)]
     pub fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let Self { every_ticks, tolerance, split_above, merge_below, least_regions, most_regions, .. } =
@@ -102,37 +108,39 @@ impl Balance {
     }
 }
 
-/// A part of the load and where it is, in world space.
+/// A part of the load, and where it is in world space.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Burden {
-    /// Metres.
+    /// The place, metres.
     pub place: [f64; 3],
-    /// In the units of the load.
+    /// The weight, in the units of the load.
     pub weight: f64,
-    /// The island that it is part of, by its place among those given to [`plan`].
+    /// The island that it is part of, as an index into the islands given to [`plan`].
     pub island: Option<usize>,
 }
 
-/// The factor by which the work of a region grows for its part of an island that others compute too: up to four substeps, which
-/// `auto` takes where copies disagree, of up to twice as many bodies. So a cut pays only into more parts than this.
-/// (`benches/results`: a giant island gains nothing from being cut on one machine.)
+/// The factor by which the work of a region grows for its part of an island that other regions compute too:
+/// up to four substeps, which `auto` takes where copies disagree, of up to twice as many bodies. So a cut
+/// pays only into more parts than this. (`benches/results`: a giant island gains nothing from being cut on
+/// one machine.)
 const CUT_COST: f64 = 8.0;
 
-/// What a plan is made from: the tree, what is to be done where, and how much each region can do.
+/// The input of a plan: the tree, the load and where it is, and how much each region can do.
 pub struct Loads<'a> {
-    /// The tree as it is. A vertex one of whose two regions is being emptied counts as one region.
+    /// The present tree. A vertex that has one of its two regions being emptied counts as one region.
     pub tree: &'a DistributionTree,
-    /// All parts of the load.
+    /// All parts of the load, each with its place.
     pub burdens: &'a [Burden],
-    /// Boxes around the islands that are too large to move whole: planes keep out of them where to cut them does not pay.
+    /// Boxes around the islands that are too large to move whole. Planes keep out of those that are not worth
+    /// a cut.
     pub islands: &'a [Bounds],
-    /// How much a region can do compared with others: what its node is worth, divided by the number of its regions. A vertex that
-    /// counts as one region is asked for like one.
+    /// Returns how much a region can do compared with others: the capacity of its node divided by the number
+    /// of the node's regions. It is called for a vertex that counts as one region as for a region.
     pub capacity: &'a dyn Fn(RegionId) -> f64,
 }
 
-/// Plans the changes after which each region of a tree has load in proportion to its capacity; none if they are near enough to
-/// that.
+/// Plans the changes after which each region of a tree has load in proportion to its capacity. Returns no
+/// changes if the loads are near enough to that.
 pub fn plan(loads: &Loads<'_>, settings: &Balance) -> Vec<TreeChange> {
     let Loads { tree, burdens, islands, capacity } = *loads;
     let merging: Vec<_> = tree.yielding().map(|(vertex, _)| vertex).collect();
@@ -140,7 +148,7 @@ pub fn plan(loads: &Loads<'_>, settings: &Balance) -> Vec<TreeChange> {
     let total: f64 = burdens.iter().map(|burden| burden.weight).sum();
     let leaves = weighed(tree, &merging, all.clone(), capacity);
     let (count, heaviest) = (leaves.len(), leaves.iter().map(|leaf| leaf.load).fold(0.0, f64::max));
-    // A whole island must weigh more than this to be worth a cut.
+    // An island must weigh more than this to be worth a cut.
     let whole_up_to = |share: f64| Whole::of(burdens, islands, CUT_COST * share);
     if count < settings.most_regions
         && (count < settings.least_regions || heaviest > settings.split_above)
@@ -168,16 +176,19 @@ pub fn plan(loads: &Loads<'_>, settings: &Balance) -> Vec<TreeChange> {
         return Vec::new();
     }
     planner.level(RegionId(0), tree.bounds(), all.clone());
-    // Where much of the load lies in one place, or in one island, planes can do only so much: they are not moved for little.
+    // If much of the load lies in one place or in one island, planes can improve little, and are not moved
+    // for that.
     let moved = after(tree, &planner.moves).map(|tree| weighed(&tree, &merging, all, capacity));
     let worth = 1.0 + 0.5 * (settings.tolerance - 1.0);
     let pays = moved.is_some_and(|leaves| worth * busiest(&leaves, islands.len()) < now);
     if pays { planner.moves } else { Vec::new() }
 }
 
-/// Returns the tree after all that follows from such plans where nothing is computed yet, so that nothing has to be emptied first.
+/// Returns the tree after all changes that follow from such plans, for a world that is not computed yet, so
+/// that no region has to be emptied first.
 pub fn balanced(mut tree: DistributionTree, burdens: &[Burden], settings: &Balance) -> DistributionTree {
-    // Each plan cuts or merges one region, or levels all planes; some bodies cannot be levelled.
+    // Each plan cuts or merges one region, or levels all planes. Some arrangements of bodies cannot be
+    // levelled.
     for _ in 0..2 * super::MAX_REGIONS {
         let changes = plan(&Loads { tree: &tree, burdens, islands: &[], capacity: &|_| 1.0 }, settings);
         if changes.is_empty() || change_at_once(&mut tree, &changes).is_err() {
@@ -187,15 +198,15 @@ pub fn balanced(mut tree: DistributionTree, burdens: &[Burden], settings: &Balan
     tree
 }
 
-/// Changes a tree by a plan where nothing is computed: what yields is merged at once.
+/// Applies a plan to a tree that is not computed: regions that yield are merged at once.
 fn change_at_once(tree: &mut DistributionTree, changes: &[TreeChange]) -> Result<(), TreeError> {
     tree.change(changes)?;
     let yielding: Vec<_> = tree.yielding().map(|(vertex, _)| TreeChange::Merge { vertex }).collect();
     tree.change(&yielding)
 }
 
-/// Sums burdens up to at most about so many, where they are near one another, none of them of two islands: a node tells its leader
-/// no more of its load than a plan needs.
+/// Sums burdens that are near one another up to about `most`, none of them over two islands. So a node tells
+/// its leader no more of its load than a plan needs.
 pub fn summarised(mut burdens: Vec<Burden>, most: usize) -> Vec<Burden> {
     burdens.sort_by_key(|burden| burden.island);
     let total = burdens.len();
@@ -240,7 +251,7 @@ fn is_leaf(tree: &DistributionTree, merging: &[RegionId], vertex: RegionId) -> b
     tree.is_leaf(vertex) || merging.contains(&vertex)
 }
 
-/// Returns the regions of a tree and what is in each.
+/// Returns the regions of a tree with the load in each.
 fn weighed<'a>(
     tree: &DistributionTree,
     merging: &[RegionId],
@@ -263,7 +274,8 @@ fn weighed<'a>(
     leaves
 }
 
-/// Returns the load of the busiest region for its capacity, with the cost of having parts of cut islands.
+/// Returns the load of the busiest region relative to its capacity, including the cost of having parts of cut
+/// islands.
 fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
     let mut in_leaves = vec![BTreeSet::new(); islands];
     for leaf in leaves {
@@ -276,11 +288,11 @@ fn busiest(leaves: &[Weighed<'_>], islands: usize) -> f64 {
     leaves.iter().map(|leaf| leaf.burdens.iter().map(cost).sum::<f64>() / leaf.capacity).fold(0.0, f64::max)
 }
 
-/// Islands that are not worth a cut, by their places in the list of all: a box around each.
+/// The islands that are not worth a cut: a box around each, by its index in the list of all islands.
 struct Whole(Vec<Option<Bounds>>);
 
 impl Whole {
-    /// Returns the islands up to a weight.
+    /// Returns the islands that weigh at most `most`.
     fn of(burdens: &[Burden], islands: &[Bounds], most: f64) -> Self {
         let mut weights = vec![0.0; islands.len()];
         for burden in burdens {
@@ -291,9 +303,10 @@ impl Whole {
         )
     }
 
-    /// Returns where across an axis to cut so that this part of the weight lies below, as nearly as can be without cutting one of
-    /// them: halfway between two neighbours. `range` is where a plane may be, `edge_m` how far it keeps from what is all on one
-    /// side of it, and `room_m` how far from what must not be cut.
+    /// Returns where to cut across an axis so that this part of the weight lies below, as nearly as possible
+    /// without cutting one of these islands: halfway between two neighbours. A plane may be within `range`.
+    /// It keeps `edge_m` away if everything lies on one side of it, and `room_m` away from what must not be
+    /// cut.
     fn quantile(
         &self,
         burdens: &[&Burden],
@@ -351,7 +364,7 @@ impl Whole {
             }
             cuts.push((at, below));
         }
-        // A whole island lies where the cut should be: cut as near to that as can be, or beside everything.
+        // A whole island lies where the cut should be. Cut as near to that as possible, or beside everything.
         cuts.pop();
         cuts.extend([(lowest_above[0] - edge_m, 0.0), (highest + edge_m, below)]);
         let cuts = cuts.into_iter().map(|(at, below)| (clamped(at), (below - wanted).abs()));
@@ -360,7 +373,7 @@ impl Whole {
     }
 }
 
-/// A region and what is in it.
+/// A region with the load in it.
 struct Weighed<'a> {
     leaf: RegionId,
     load: f64,
@@ -382,7 +395,7 @@ impl Planner<'_> {
         is_leaf(self.tree, self.merging, vertex)
     }
 
-    /// Returns how many regions a vertex has, and how much they can do together.
+    /// Returns how many regions a vertex has, and their capacity together.
     fn strength(&self, vertex: RegionId) -> (usize, f64) {
         match self.tree.children_of(vertex) {
             Some((left, right)) if !self.is_leaf(vertex) => {
@@ -393,7 +406,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Moves the planes below a vertex whose part of the world is `part`.
+    /// Moves the planes below a vertex that covers the part `part` of the world.
     fn level(&mut self, vertex: RegionId, part: Bounds, burdens: Vec<&Burden>) {
         let (Some((axis, now)), Some((left, right))) =
             (self.tree.cut_of(vertex), self.tree.children_of(vertex))
@@ -406,13 +419,13 @@ impl Planner<'_> {
         let i = axis.index();
         let ((below, weak), (above, strong)) = (self.strength(left), self.strength(right));
         let (below, above) = (below as f64, above as f64);
-        // What lies below needs room for its own planes, and so does what lies above.
+        // Each side of the plane needs room for its own planes.
         let edge = self.settings.smallest_edge_m;
         let (least, most) = (part.min[i] + edge * below, part.max[i] - edge * above);
         let share = weak / (weak + strong);
         let at = if least < most {
             let wished = |room| self.whole.quantile(&burdens, axis, share, (least, most), edge, room);
-            // The planes of each side are to find room beside what is whole there.
+            // The planes of each side must find room beside the whole islands there.
             let wished = wished(edge * (below.max(above) - 1.0)).or_else(|| wished(0.0));
             wished.unwrap_or_else(|| now.clamp(least, most))
         } else {
@@ -428,7 +441,7 @@ impl Planner<'_> {
         self.level(right, upper, above);
     }
 
-    /// Returns the merge of the two siblings with the least load together, if that is little.
+    /// Returns the merge of the two siblings with the least load together, if that is little enough.
     fn lightest_pair(&self, leaves: &[Weighed<'_>]) -> Option<TreeChange> {
         let load_of = |leaf| leaves.iter().find(|other| other.leaf == leaf).map(|leaf| leaf.load);
         let pairs = self.tree.inner().filter(|vertex| !self.merging.contains(vertex)).filter_map(|vertex| {
@@ -444,8 +457,8 @@ impl Planner<'_> {
     }
 }
 
-/// Cuts the heaviest region that is wide enough, in the middle of its load. A region is cut whatever that brings if there
-/// `must` be more of them.
+/// Returns the cut of the heaviest region that is wide enough, in the middle of its load. If there `must` be
+/// more regions, the region is cut whatever that brings.
 fn split_of(
     tree: &DistributionTree,
     leaves: &[Weighed<'_>],
@@ -473,8 +486,9 @@ fn split_of(
     })
 }
 
-/// Returns a box around the load of a region, within the bounds of the world and less a sixty-fourth at each side: what has fallen off the
-/// ground, or left the bounds, does not say how the rest is cut. `None` if nothing is left.
+/// Returns a box around the load of a region, within the bounds of the world and without a sixty-fourth at
+/// each side. So what has fallen off the ground, or left the bounds, does not influence how the rest is cut.
+/// `None` if nothing is left.
 fn middle_of(burdens: &[&Burden], part: &Bounds) -> Option<Bounds> {
     const LEFT_OUT: f64 = 1.0 / 64.0;
     let least = LEFT_OUT * burdens.iter().map(|burden| burden.weight).sum::<f64>();
@@ -482,7 +496,7 @@ fn middle_of(burdens: &[&Burden], part: &Bounds) -> Option<Bounds> {
     for i in 0..3 {
         let mut places: Vec<_> = burdens.iter().map(|burden| (burden.place[i], burden.weight)).collect();
         places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        // The first one beyond what is left out.
+        // Finds the first place beyond what is left out.
         let first = |passed: &mut f64, &(_, weight): &(f64, f64)| {
             *passed += weight;
             *passed > least
@@ -587,7 +601,8 @@ mod tests {
         assert_eq!(settle(10), 1);
     }
 
-    /// So many bodies in one island from 480 to 520 m, and a hundred along the road; a box around the island.
+    /// Returns `count` bodies in one island from 480 to 520 m, and a hundred along the road, with a box
+    /// around the island.
     fn crowd_with_island(count: usize) -> (Vec<Burden>, Bounds) {
         let island =
             crowd(480.0, 520.0, count).into_iter().map(|burden| Burden { island: Some(0), ..burden });
@@ -597,7 +612,7 @@ mod tests {
         )
     }
 
-    /// Where the planes lie when nothing changes any more.
+    /// Returns where the planes lie when nothing changes any more.
     fn settled(
         tree: &mut DistributionTree,
         burdens: &[Burden],
@@ -671,7 +686,7 @@ mod tests {
         let burden = |place| Burden { place, ..crowd(0.0, 1.0, 1)[0] };
         let ground =
             |x0: f64| (0..200).map(move |i| [x0 + f64::from(i % 20) * 5.0, 0.5, f64::from(i / 20) * 5.0]);
-        // By how deep the bounds are; in one case with a crowd that has left them.
+        // Cases of how deep the bounds are, and how many bodies have fallen out of them.
         for (depth, strays) in [(-1.0, 1), (-64.0, 1), (-64.0, 3), (-1.0, 0)] {
             let bounds = Bounds::new([0.0, depth, 0.0], [100.0, 8.0, 60.0]);
             let tree = DistributionTree::halved(bounds, 1).unwrap();

@@ -1,4 +1,5 @@
-//! Defines boxes in world space: the closed [`Bounds`] of a world or a body, and the half-open [`Cell`] of a region.
+//! Defines boxes in world space: the closed [`Bounds`] of a world or a body, and the half-open [`Cell`] of a
+//! region.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -7,11 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
-    /// First coordinate.
+    /// The first coordinate.
     X,
-    /// Second coordinate, up by default.
+    /// The second coordinate, up by default.
     Y,
-    /// Third coordinate.
+    /// The third coordinate.
     Z,
 }
 
@@ -19,29 +20,29 @@ impl Axis {
     /// All three, in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// Returns 0, 1 or 2.
+    /// Returns the index of the coordinate: 0, 1 or 2.
     pub const fn index(self) -> usize {
         self as usize
     }
 }
 
-/// A closed axis-aligned box, in metres of world space. May be infinite, as the bounds of a half-space are.
+/// A closed axis-aligned box in world space, metres. May be infinite, as that of a half-space is.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Bounds {
-    /// Lowest corner.
+    /// The lowest corner.
     pub min: [f64; 3],
-    /// Highest corner.
+    /// The highest corner.
     pub max: [f64; 3],
 }
 
 impl Bounds {
-    /// Creates a box from its corners.
+    /// Makes a box from its corners.
     #[must_use]
     pub const fn new(min: [f64; 3], max: [f64; 3]) -> Self {
         Self { min, max }
     }
 
-    /// Creates a box from its middle and half its size.
+    /// Makes a box from its centre and half of its edges.
     #[must_use]
     pub fn around(centre: [f64; 3], half: [f64; 3]) -> Self {
         Self {
@@ -56,7 +57,7 @@ impl Bounds {
         Self { min: self.min.map(|v| v - margin_m), max: self.max.map(|v| v + margin_m) }
     }
 
-    /// Returns the box that holds this one on its way: at `velocity_m_s`, for `ahead_s` seconds.
+    /// Returns the box that holds this one on its way at `velocity_m_s` for `ahead_s` seconds.
     #[cfg(feature = "physics")]
     #[must_use]
     pub(crate) fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
@@ -67,7 +68,7 @@ impl Bounds {
         })
     }
 
-    /// Returns the smallest box that holds both.
+    /// Returns the smallest box that holds both boxes.
     #[must_use]
     #[inline]
     pub fn union(&self, other: &Self) -> Self {
@@ -77,7 +78,7 @@ impl Bounds {
         }
     }
 
-    /// Returns the box of what lies in both, if they touch.
+    /// Returns the intersection of the boxes, if they touch.
     #[must_use]
     #[doc(hidden)]
     pub fn intersection(&self, other: &Self) -> Self {
@@ -99,19 +100,19 @@ impl Bounds {
         (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
 
-    /// Returns the lengths of the edges.
+    /// Returns the lengths of the edges, metres.
     #[inline]
     pub fn size(&self) -> [f64; 3] {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
-    /// Returns the middle.
+    /// Returns the centre.
     #[inline]
     pub fn centre(&self) -> [f64; 3] {
         std::array::from_fn(|i| 0.5 * (self.min[i] + self.max[i]))
     }
 
-    /// Returns the axis of the longest edge; the first of equals.
+    /// Returns the axis of the longest edge; the first of equal ones.
     pub fn longest_axis(&self) -> Axis {
         let size = self.size();
         Axis::ALL.into_iter().fold(
@@ -128,12 +129,13 @@ impl Bounds {
     }
 }
 
-/// The half-open box of a region: `min <= p < max` on every axis. Cells at the edge of the world reach to infinity.
+/// The half-open box of a region: `min <= p < max` on every axis. Cells at the edge of the world reach to
+/// infinity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// Lowest corner, inside.
+    /// The lowest corner, inside the cell.
     pub min: [f64; 3],
-    /// Highest corner, outside.
+    /// The highest corner, outside the cell.
     pub max: [f64; 3],
 }
 
@@ -158,8 +160,8 @@ impl Cell {
         (0..3).all(|i| self.min[i] <= bounds.min[i] && bounds.max[i] < self.max[i])
     }
 
-    /// Returns how far two cells are from each other on the axis on which they are farthest apart, metres; not above 0 when they
-    /// touch.
+    /// Returns the distance of two cells on the axis on which they are farthest apart, metres; 0 or less if
+    /// they touch.
     #[doc(hidden)]
     pub fn gap_m(&self, other: &Self) -> f64 {
         (0..3)
@@ -167,7 +169,8 @@ impl Cell {
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Returns how far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
+    /// Returns how far the point lies outside the cell on the worst axis, metres; inside, the negative
+    /// distance to the nearest face.
     #[doc(hidden)]
     pub fn excess_m(&self, point: [f64; 3]) -> f64 {
         (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)

@@ -1,9 +1,9 @@
-//! Groups things that are tied pair by pair, by union-find (Tarjan 1975, with path compression); the root of a group is its
-//! lowest member, so that groups do not depend on the order of the ties.
+//! Groups things that are tied in pairs, by union-find (Tarjan 1975, with path compression). The root of a
+//! group is its lowest member, so that groups do not depend on the order of the ties.
 
 use std::collections::BTreeMap;
 
-/// The groups of few things among many: a thing that was never tied is a group of its own.
+/// The groups of a few things among many. A thing that was never tied is a group of its own.
 #[derive(Clone, Debug)]
 pub(crate) struct Groups<K> {
     parents: BTreeMap<K, K>,
@@ -38,7 +38,7 @@ impl<K: Copy + Ord> Groups<K> {
     }
 }
 
-/// The groups of the places of a list.
+/// The groups of the indices of a list.
 #[derive(Clone, Debug)]
 #[cfg(feature = "physics")]
 pub(crate) struct PlaceGroups {
@@ -47,7 +47,7 @@ pub(crate) struct PlaceGroups {
 
 #[cfg(feature = "physics")]
 impl PlaceGroups {
-    /// Creates this many places, each a group of its own.
+    /// Makes `count` places, each a group of its own.
     pub(crate) fn new(count: usize) -> Self {
         Self { parents: (0..count as u32).collect() }
     }

@@ -1,5 +1,5 @@
-//! Defines the ids that cross module, process and machine borders: of regions, nodes, clients, groups, ticks, epochs, joints,
-//! bodies. Each is a newtype, so that none is taken for another.
+//! Defines the ids that cross borders of modules, processes and machines: of regions, nodes, clients, groups,
+//! ticks, epochs, joints and bodies. Each is a newtype, so that none is taken for another.
 
 use std::fmt;
 
@@ -23,11 +23,12 @@ macro_rules! id {
 }
 
 id!(
-    /// A vertex of the distribution tree, and so a sub-region: root 0, children 2i+1 and 2i+2 (thesis 4.3.1.3).
+    /// The id of a region: a vertex of the distribution tree. The root is 0, and the children of vertex i are
+    /// 2i+1 and 2i+2 (thesis 4.3.1.3).
     RegionId(u32), "r"
 );
 impl RegionId {
-    /// Returns the two vertices below this one, which must be one of a tree.
+    /// Returns the two vertices below this one, which must be a vertex of a tree.
     pub(crate) const fn children(self) -> (Self, Self) {
         (Self(2 * self.0 + 1), Self(2 * self.0 + 2))
     }
@@ -42,60 +43,67 @@ impl RegionId {
 }
 
 id!(
-    /// A process that computes regions. Given by the server in joining order; the lowest id of a group leads it.
+    /// The id of a node, a process that computes regions. The server gives ids in joining order; the node
+    /// with the lowest id of a group leads it.
     NodeId(u32), "n"
 );
 id!(
-    /// A process that hosts avatars. Given by the server; 0 is nobody (it names persistent bodies).
+    /// The id of a client, a process that hosts avatars, given by the server. 0 is no client: it marks
+    /// persistent bodies.
     ClientId(u32), "c"
 );
 
 impl ClientId {
-    /// Nobody: questions of the server's program are asked in this name.
+    /// No client: queries of the server's program are asked under this id.
     pub(crate) const NOBODY: Self = Self(0);
 }
 
 id!(
-    /// A consistency group: nodes that compute the whole world together (thesis 3.3.7). Given by the server.
+    /// The id of a consistency group: nodes that compute the whole world together (thesis 3.3.7). Given by
+    /// the server.
     GroupId(u32), "g"
 );
 id!(
-    /// The number of steps of `dt` since the world began.
+    /// A tick: the number of steps of `dt` since the world began.
     Tick(u64), "t"
 );
 id!(
-    /// The epoch of a body's owner: how often the owner has changed, with the number of the view in which the server last placed
-    /// the body in the bits above. So a body that the server places anew is beyond every epoch that an earlier view can reach,
-    /// however long that view lives on cut off. A state with an older epoch never overwrites a newer one.
+    /// The epoch of a body's owner: the number of changes of owner in the low 24 bits, and the number of the
+    /// view in which the server last placed the body in the bits above. A body that the server places anew is
+    /// thus beyond every epoch that an earlier view can reach, however long that view lives on cut off. A
+    /// state with an older epoch never overwrites a newer one.
     Epoch(u64), "e"
 );
 id!(
-    /// A joint, numbered in order of insertion.
+    /// The id of a joint, numbered in order of insertion.
     JointId(u64), "j"
 );
 
-/// A body's id everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there. Bodies of the world
-/// that a client has built are persistent too, and numbered apart by who built them.
+/// The id of a body, the same in every process: the client that hosts the body (0 for persistent bodies,
+/// thesis 4.3.2.5), and its number there. Bodies that a builder inserts are persistent too, and numbered
+/// separately for each builder.
 ///
-/// It prints, by `{}` and `{:?}`, as `b7` for a persistent body, as `c2/b7` for an avatar of client 2, and as `c2+b7` for a body of the
-/// world that client 2 has built.
+/// It prints, by `{}` and `{:?}`, as `b7` for a persistent body, as `c2/b7` for an avatar of client 2, and as
+/// `c2+b7` for a body that client 2 has built.
 #[derive(
     Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
 pub struct BodyId(u64);
 
-/// Marks, in the place of a client's number, what is not the client's own but built by it. No server comes to so many clients.
+/// Marks, in the bits of a client's number, a body that the client has built and that is not its own. No
+/// server comes to so many clients.
 const BUILT: u32 = 1 << 31;
 
 impl JointId {
-    /// Returns the id of the `index`-th joint that `client` has built: none that a program numbers.
+    /// Returns the id of the `index`-th joint that `client` has built. No joint that a program numbers has
+    /// such an id.
     #[doc(hidden)]
     #[must_use]
     pub const fn built(client: ClientId, index: u32) -> Self {
         Self((((client.0 | BUILT) as u64) << 32) | index as u64)
     }
 
-    /// Returns the client that has built the joint; `None` for one of the world's program.
+    /// Returns the client that has built the joint; `None` for a joint of the world's program.
     pub(crate) const fn builder(self) -> Option<ClientId> {
         builder(self.0)
     }
@@ -114,25 +122,25 @@ impl BodyId {
         Self(((client.0 as u64) << 32) | index as u64)
     }
 
-    /// Returns the id of the `index`-th body of the world that `client` has built.
+    /// Returns the id of the `index`-th persistent body that `client` has built.
     #[doc(hidden)]
     #[must_use]
     pub const fn built(client: ClientId, index: u32) -> Self {
         Self((((client.0 | BUILT) as u64) << 32) | index as u64)
     }
 
-    /// Returns the id whose [`BodyId::bits`] these are.
+    /// Returns the id from the bits that [`BodyId::bits`] returned.
     #[must_use]
     pub const fn from_bits(bits: u64) -> Self {
         Self(bits)
     }
 
-    /// Returns the client in the high and the index in the low 32 bits.
+    /// Returns the bits of the id: the client in the high 32, and the index in the low 32 bits.
     pub const fn bits(self) -> u64 {
         self.0
     }
 
-    /// Returns the client that hosts the body; `None` for a persistent one, whoever built it.
+    /// Returns the client that hosts the body; `None` for a persistent body, whoever built it.
     pub const fn client(self) -> Option<ClientId> {
         match (self.0 >> 32) as u32 {
             0 | BUILT.. => None,
@@ -140,13 +148,14 @@ impl BodyId {
         }
     }
 
-    /// Returns the client that has built this body of the world, if a client has.
+    /// Returns the client that has built this persistent body; `None` if no client has.
     #[doc(hidden)]
     pub const fn builder(self) -> Option<ClientId> {
         builder(self.0)
     }
 
-    /// Returns the body's number among those of its client, among those that it has built, or among the other persistent ones.
+    /// Returns the body's number among its client's avatars, among the bodies that a builder has built, or
+    /// among the other persistent bodies.
     pub const fn index(self) -> u32 {
         self.0 as u32
     }
@@ -184,7 +193,8 @@ impl Tick {
 }
 
 impl Epoch {
-    /// The bits that count the transfers within a view: enough for 60 changes of owner per second for three days.
+    /// The number of bits that count the transfers within a view: enough for 60 changes of owner per second
+    /// for three days.
     const TRANSFER_BITS: u32 = 24;
 
     /// Returns the first epoch of bodies that the server places in the view of this number.
@@ -203,8 +213,9 @@ impl Epoch {
         self.0 >> Self::TRANSFER_BITS
     }
 
-    /// Returns whether a body can have this epoch after this tick when no view has a higher number than this: it was placed in one of
-    /// those, and transferred at most once per tick, and once in the exchange before the first.
+    /// Returns whether a body can have this epoch after this tick, if no view has a higher number than
+    /// `newest_view`. The body was placed in one of these views, and transferred at most once per tick, and
+    /// once in the exchange before the first.
     #[doc(hidden)]
     pub const fn is_possible(self, newest_view: u64, tick: Tick) -> bool {
         self.view() <= newest_view && self.transfers() <= tick.0 + 1

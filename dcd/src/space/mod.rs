@@ -1,5 +1,5 @@
-//! Divides world space into regions: ids, half-open boxes, the distribution tree, load balancing, allocation of regions to nodes.
-//! Pure functions and data.
+//! Divides world space into regions: ids, half-open boxes, the distribution tree, load balancing, allocation
+//! of regions to nodes. Pure functions and data.
 
 mod allocation;
 mod balance;

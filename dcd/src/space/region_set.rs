@@ -3,25 +3,25 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-/// The most regions one world may have at a time: what [`RegionSet`] can name.
+/// The most regions that one world may have at a time: as many as a [`RegionSet`] can name.
 pub const MAX_REGIONS: usize = 64 * WORDS;
 
 const WORDS: usize = 4;
 
-/// A set of regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
+/// A set of regions by rank. Bit `i` stands for the `i`-th leaf of the tree in id order.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
 pub struct RegionSet([u64; WORDS]);
 
 impl RegionSet {
-    /// No region.
+    /// The empty set.
     pub const EMPTY: Self = Self([0; WORDS]);
 
-    /// Every region that a world can have.
+    /// The set of all regions that a world can have.
     pub const ALL: Self = Self([u64::MAX; WORDS]);
 
-    /// Returns the set of the one region of this rank.
+    /// Returns the set with only the region of this rank.
     #[inline]
     pub fn only(rank: usize) -> Self {
         let mut set = Self::EMPTY;
@@ -35,14 +35,14 @@ impl RegionSet {
         rank < MAX_REGIONS && self.0[rank / 64] & (1 << (rank % 64)) != 0
     }
 
-    /// Adds a region.
+    /// Adds the region of this rank.
     #[inline]
     pub fn insert(&mut self, rank: usize) {
         assert!(rank < MAX_REGIONS, "region rank {rank} out of range");
         self.0[rank / 64] |= 1 << (rank % 64);
     }
 
-    /// Removes a region.
+    /// Removes the region of this rank.
     #[inline]
     pub fn remove(&mut self, rank: usize) {
         *self = self.without(Self::only(rank));
@@ -72,12 +72,12 @@ impl RegionSet {
         self.0 == [0; WORDS]
     }
 
-    /// Returns the number of regions.
+    /// Returns the number of regions in the set.
     pub fn len(self) -> usize {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// Returns the ranks in ascending order.
+    /// Returns the ranks in the set, in ascending order.
     pub fn iter(self) -> impl Iterator<Item = usize> {
         self.0.into_iter().enumerate().flat_map(|(word, bits)| {
             let mut rest = bits;

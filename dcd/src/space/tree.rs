@@ -1,5 +1,5 @@
-//! Cuts the world by axis-aligned planes into the distribution tree (a k-d tree; thesis 3.2, 4.3.1.3), whose leaves are the
-//! regions.
+//! Cuts the world by axis-aligned planes into the distribution tree (a k-d tree; thesis 3.2, 4.3.1.3), whose
+//! leaves are the regions.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use super::{Axis, Bounds, Cell, MAX_REGIONS, RegionId};
 /// The limits at which subdivision stops (thesis 4.3.1.3).
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Limits {
-    /// No cut leaves an edge shorter than this, in metres.
+    /// The shortest edge that a cut may leave, metres.
     pub smallest_edge_m: f64,
-    /// No vertex lies deeper than this below the root; at most 30.
+    /// The greatest depth of a vertex below the root; at most 30.
     pub largest_depth: u32,
-    /// No more leaves than this; at most [`MAX_REGIONS`].
+    /// The most leaves; at most [`MAX_REGIONS`].
     pub most_leaves: usize,
 }
 
@@ -25,17 +25,17 @@ impl Default for Limits {
     }
 }
 
-/// An error: a tree cannot be made or changed as asked.
+/// The error of a distribution tree that cannot be made or changed as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TreeError {
-    /// The bounds of the world are not a box.
+    /// The bounds of the world are no finite box.
     #[error("the world's bounds from {:?} to {:?} are no finite box: give a lowest corner (min) below a highest one (max) along every axis", .0.min, .0.max)]
     Bounds(Bounds),
-    /// More or fewer regions than a world can have.
+    /// A world cannot have this number of regions.
     #[error("{0} regions asked for: a world has 1 to {MAX_REGIONS}")]
     Count(usize),
-    /// Every leaf is at a limit.
+    /// Every region is at a limit and cannot be cut further.
     #[error("no region can be cut further: the limits allow {0} regions here; ask for fewer or loosen them")]
     Limits(usize),
     /// The vertex is not a leaf of the tree.
@@ -44,7 +44,7 @@ pub enum TreeError {
     /// The vertex does not have two leaves below it.
     #[error("{0} cannot be merged: its two children are not both leaves")]
     NotMergeable(RegionId),
-    /// Planes lie beyond those above them in the tree.
+    /// A plane lies beyond those above it in the tree.
     #[error(
         "the planes do not fit into one another: each must cut the part of the world that its vertex covers"
     )]
@@ -52,12 +52,12 @@ pub enum TreeError {
     /// The vertex is not cut.
     #[error("{0} has no plane to move: it is a region, or not in the tree")]
     NotCut(RegionId),
-    /// The plane lies outside the leaf that it should cut.
+    /// The plane lies outside the region that it should cut.
     #[error("the plane {axis:?} = {at} does not cut any region")]
     Plane {
-        /// Across which axis.
+        /// The axis across which the plane cuts.
         axis: Axis,
-        /// Where, in metres.
+        /// The position on the axis, metres.
         at: f64,
     },
 }
@@ -65,46 +65,47 @@ pub enum TreeError {
 /// A change of a distribution tree.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub enum TreeChange {
-    /// The plane of an inner vertex goes here.
+    /// Moves the plane of an inner vertex.
     Move {
-        /// Which vertex.
+        /// The vertex.
         vertex: RegionId,
-        /// Metres along the axis of its cut.
+        /// The new position on the axis of its cut, metres.
         at: f64,
     },
-    /// A region is cut in two: the left one keeps what it has, the right one is new.
+    /// Cuts a region in two. The left one keeps what the region has, the right one is new.
     Split {
-        /// Which region.
+        /// The region.
         leaf: RegionId,
-        /// Across which axis.
+        /// The axis across which it is cut.
         axis: Axis,
-        /// Where, metres.
+        /// The position of the plane on that axis, metres.
         at: f64,
     },
-    /// One of two sibling regions takes over all of the other's, which is emptied before they are merged.
+    /// Has one of two sibling regions take over everything of the other, which is emptied before the two are
+    /// merged.
     Yield {
-        /// Their parent.
+        /// The parent of the regions.
         vertex: RegionId,
-        /// The one that remains.
+        /// The region that remains.
         heir: RegionId,
     },
-    /// Two sibling regions, one of them empty, become one.
+    /// Merges two sibling regions, one of them empty, into one.
     Merge {
-        /// Their parent.
+        /// The parent of the regions.
         vertex: RegionId,
     },
 }
 
-/// The two regions of a vertex that is to be one region again.
+/// The two regions of a vertex that is to become one region again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Yielding {
-    /// Takes over all bodies of the other.
+    /// The region that takes over all bodies of the other.
     pub heir: RegionId,
-    /// Is given up once it is empty.
+    /// The region that is given up once it is empty.
     pub leaving: RegionId,
 }
 
-/// What a change of the tree does to the names of regions.
+/// The effect of a change of the tree on the names of regions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Renaming {
     /// The region that goes on under another name.
@@ -117,17 +118,18 @@ pub struct Renaming {
     pub gone: Option<RegionId>,
 }
 
-/// The distribution tree. Every member of a group holds an equal copy; ids name the same box to all.
+/// The distribution tree. Every member of a group holds an equal copy, so that an id names the same box to
+/// all.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct DistributionTree {
     bounds: Bounds,
     limits: Limits,
-    /// Inner vertices only: where each is cut.
+    /// The cut of each inner vertex.
     cuts: BTreeMap<RegionId, (Axis, f64)>,
 }
 
 impl DistributionTree {
-    /// Creates a tree with one leaf, the root.
+    /// Makes a tree with one leaf, the root.
     pub fn new(bounds: Bounds, limits: Limits) -> Result<Self, TreeError> {
         if !bounds.is_finite() || bounds.size().contains(&0.0) {
             return Err(TreeError::Bounds(bounds));
@@ -140,12 +142,14 @@ impl DistributionTree {
         Ok(Self { bounds, limits, cuts: BTreeMap::new() })
     }
 
-    /// Creates a tree of `count` regions: the largest leaf is halved across its longest axis until there are enough.
+    /// Makes a tree of `count` regions: the largest leaf is halved across its longest axis until there are
+    /// enough.
     pub fn halved(bounds: Bounds, count: usize) -> Result<Self, TreeError> {
         Self::halved_across(bounds, count, &Axis::ALL)
     }
 
-    /// Creates a tree of `count` regions, as [`DistributionTree::halved`], by planes across these axes alone.
+    /// Makes a tree of `count` regions as [`DistributionTree::halved`] does, by planes across these axes
+    /// only.
     pub fn halved_across(bounds: Bounds, count: usize, axes: &[Axis]) -> Result<Self, TreeError> {
         let mut tree = Self::new(bounds, Limits::default())?;
         if count == 0 || count > MAX_REGIONS {
@@ -164,7 +168,8 @@ impl DistributionTree {
         Ok(tree)
     }
 
-    /// Creates a tree whose regions are divided by these planes, each cutting every leaf that it passes through.
+    /// Makes a tree whose regions are divided by these planes. Each plane cuts every leaf that it passes
+    /// through.
     pub fn cut_by(bounds: Bounds, planes: &[(Axis, f64)]) -> Result<Self, TreeError> {
         let mut tree = Self::new(bounds, Limits { smallest_edge_m: 0.0, ..Limits::default() })?;
         for &(axis, at) in planes {
@@ -186,14 +191,14 @@ impl DistributionTree {
         Ok(tree)
     }
 
-    /// Returns whether a tree from a peer keeps the rules that every call here relies on: its inner vertices hang together, each
-    /// is cut inside its part of the world, and it stays within the limits of trees.
+    /// Returns whether a tree from a peer keeps the rules that all calls here rely on: its inner vertices are
+    /// connected, each is cut inside its part of the world, and the tree stays within the limits of trees.
     pub fn is_sound(&self) -> bool {
         self.bounds.is_finite()
             && self.limits.largest_depth <= 30
             && self.limits.most_leaves <= MAX_REGIONS
             && self.cuts.len() < MAX_REGIONS
-            // Depth first: arithmetic on ids of deeper vertices would overflow.
+            // The depth is checked first, since arithmetic on ids of deeper vertices would overflow.
             && self.cuts.keys().all(|vertex| vertex.0 < (1 << 30) - 1)
             && self.cuts.iter().all(|(&vertex, &(axis, at))| {
                 let part = self.part(vertex);
@@ -203,7 +208,7 @@ impl DistributionTree {
             })
     }
 
-    /// Returns the box that subdivision works on. Bodies may leave it: the outer cells reach to infinity.
+    /// Returns the box that is subdivided. Bodies may leave it: the outer cells reach to infinity.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
@@ -223,7 +228,7 @@ impl DistributionTree {
         self.split_at(leaf, axis, part.centre()[axis.index()])
     }
 
-    /// Cuts a leaf by a plane of one's own choice inside its part of the world.
+    /// Cuts a leaf by a given plane inside its part of the world.
     pub fn split_at(
         &mut self,
         leaf: RegionId,
@@ -236,7 +241,8 @@ impl DistributionTree {
         if depth(leaf) >= self.limits.largest_depth || self.leaf_count() >= self.limits.most_leaves {
             return Err(TreeError::Limits(self.leaf_count()));
         }
-        // Inside the bounds too, though outer cells reach farther: every region covers a part of the world.
+        // The plane must be inside the bounds too, though outer cells reach farther, so that every region
+        // covers a part of the world.
         let part = self.part(leaf);
         if !(part.min[axis.index()] < at && at < part.max[axis.index()]) {
             return Err(TreeError::Plane { axis, at });
@@ -245,8 +251,8 @@ impl DistributionTree {
         Ok(leaf.children())
     }
 
-    /// Moves the plane of an inner vertex. The planes below it that lie across the same axis must stay on their sides of it: move
-    /// those first or after, and check with [`DistributionTree::is_sound`].
+    /// Moves the plane of an inner vertex. Planes below it across the same axis must stay on their sides of
+    /// it: move those before or after, and check with [`DistributionTree::is_sound`].
     pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), TreeError> {
         let Some((axis, plane)) = self.cuts.get_mut(&vertex) else {
             return Err(TreeError::NotCut(vertex));
@@ -258,8 +264,8 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Gives all of an inner vertex to one of its two children, both leaves, so that the other can be emptied before they are
-    /// merged.
+    /// Gives all of an inner vertex to one of its two children, both leaves, so that the other one can be
+    /// emptied before the two are merged.
     pub fn yield_to(&mut self, vertex: RegionId, heir: RegionId) -> Result<(), TreeError> {
         if !self.has_two_leaves(vertex) {
             return Err(TreeError::NotMergeable(vertex));
@@ -282,7 +288,7 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Changes the tree in this order, or not at all.
+    /// Applies these changes in order, or none of them.
     pub fn change(&mut self, changes: &[TreeChange]) -> Result<(), TreeError> {
         let mut changed = self.clone();
         changes.iter().try_for_each(|change| changed.change_unchecked(change))?;
@@ -293,7 +299,7 @@ impl DistributionTree {
         Ok(())
     }
 
-    /// Makes one of several changes: planes may cross until all are made.
+    /// Applies one of several changes. Planes may cross until all are applied.
     pub(crate) fn change_unchecked(&mut self, change: &TreeChange) -> Result<(), TreeError> {
         match *change {
             TreeChange::Move { vertex, at } => self.move_plane(vertex, at),
@@ -303,7 +309,8 @@ impl DistributionTree {
         }
     }
 
-    /// Returns what becomes of the regions' names by a change of this tree, before it is made; `None`: all keep them.
+    /// Returns what becomes of the names of regions by a change of this tree, before it is made; `None` if
+    /// all keep their names.
     pub fn renaming(&self, change: &TreeChange) -> Option<Renaming> {
         match *change {
             TreeChange::Split { leaf, .. } => {
@@ -318,8 +325,8 @@ impl DistributionTree {
         }
     }
 
-    /// Returns the inner vertices one of whose two regions is being emptied, in id order, each with the region that takes all over
-    /// and the one that is emptied.
+    /// Returns the inner vertices that have one of their two regions being emptied, in id order, each with
+    /// the region that takes over and the one that is emptied.
     pub fn yielding(&self) -> impl Iterator<Item = (RegionId, Yielding)> {
         self.cuts.iter().filter(|(_, (_, at))| at.is_infinite()).map(|(&vertex, &(_, at))| {
             let (left, right) = vertex.children();
@@ -329,7 +336,7 @@ impl DistributionTree {
     }
 
     fn has_two_leaves(&self, vertex: RegionId) -> bool {
-        // Ids from elsewhere may have no children.
+        // Ids from other processes may have no children.
         self.cuts.contains_key(&vertex) && {
             let (left, right) = vertex.children();
             self.is_leaf(left) && self.is_leaf(right)
@@ -347,7 +354,7 @@ impl DistributionTree {
         self.cuts.len() + 1
     }
 
-    /// The regions in id order; a region's position here is its *rank*.
+    /// Returns the regions in id order. The position of a region here is its *rank*.
     pub fn leaves(&self) -> impl Iterator<Item = RegionId> {
         let mut leaves: Vec<_> = if self.cuts.is_empty() {
             vec![RegionId(0)]
@@ -375,7 +382,7 @@ impl DistributionTree {
         vertex
     }
 
-    /// The regions that the closed box touches, in id order.
+    /// Returns the regions that the closed box touches, in id order.
     pub fn leaves_touching(&self, bounds: &Bounds) -> Vec<RegionId> {
         let mut found = Vec::new();
         let mut open = vec![RegionId(0)];
@@ -396,7 +403,7 @@ impl DistributionTree {
         found
     }
 
-    /// The half-open cell of any vertex; outer faces lie at infinity.
+    /// Returns the half-open cell of any vertex. Outer faces lie at infinity.
     pub fn cell(&self, vertex: RegionId) -> Cell {
         let mut cell = Cell::EVERYWHERE;
         self.narrow(vertex, |axis, at, left| {
@@ -406,7 +413,7 @@ impl DistributionTree {
         cell
     }
 
-    /// The part of the world's bounds that the vertex covers: its cell, but finite.
+    /// Returns the part of the world's bounds that the vertex covers: its cell within the bounds.
     pub fn part(&self, vertex: RegionId) -> Bounds {
         let mut part = self.bounds;
         self.narrow(vertex, |axis, at, left| {
@@ -419,17 +426,17 @@ impl DistributionTree {
         part
     }
 
-    /// The vertices that are cut, in id order.
+    /// Returns the vertices that are cut, in id order.
     pub fn inner(&self) -> impl Iterator<Item = RegionId> {
         self.cuts.keys().copied()
     }
 
-    /// The cut of an inner vertex.
+    /// Returns the cut of an inner vertex; `None` for a vertex that is not cut.
     pub fn cut_of(&self, vertex: RegionId) -> Option<(Axis, f64)> {
         self.cuts.get(&vertex).copied()
     }
 
-    /// The two parts of an inner vertex: below its plane and above it.
+    /// Returns the two children of an inner vertex: below its plane and above it.
     pub fn children_of(&self, vertex: RegionId) -> Option<(RegionId, RegionId)> {
         self.cuts.contains_key(&vertex).then(|| vertex.children())
     }
@@ -449,7 +456,8 @@ impl DistributionTree {
         }
     }
 
-    /// Returns the longest of these axes of a leaf, the first of equals, if the limits let it be halved across that.
+    /// Returns the longest of these axes of a leaf (the first of equal ones), if the limits let the leaf be
+    /// halved across it.
     fn longest_of(&self, leaf: RegionId, axes: &[Axis]) -> Option<Axis> {
         let size = self.part(leaf).size();
         let longer =
@@ -461,7 +469,7 @@ impl DistributionTree {
     }
 }
 
-/// Left and right child of a vertex.
+/// Returns the vertex above this one, which must not be the root.
 const fn parent(vertex: RegionId) -> RegionId {
     RegionId((vertex.0 - 1) / 2)
 }
@@ -478,7 +486,7 @@ mod tests {
 
     const WORLD: Bounds = Bounds::new([-8.0, 0.0, -4.0], [8.0, 8.0, 4.0]);
 
-    /// One change that may be asked of a tree.
+    /// A change that may be asked of a tree.
     #[derive(Clone, Debug)]
     enum Update {
         Split(usize),
@@ -501,7 +509,7 @@ mod tests {
         for update in updates {
             let leaves: Vec<_> = tree.leaves().collect();
             let leaf = |i: usize| leaves[i % leaves.len()];
-            // What a tree refuses, it must leave undone.
+            // A tree must stay as it was if it refuses a change.
             let _ = match *update {
                 Update::Split(i) => tree.split(leaf(i)).map(drop),
                 Update::SplitAt(i, axis, at) => tree.split_at(leaf(i), Axis::ALL[axis], at).map(drop),
@@ -516,7 +524,7 @@ mod tests {
         prop::collection::vec(update(), 0..60).prop_map(|updates| grown(&updates))
     }
 
-    /// Points in, on the planes of, and far outside the world.
+    /// Generates points in the world, on its planes, and far outside it.
     fn point() -> impl Strategy<Value = [f64; 3]> {
         let coordinate = prop_oneof![-20.0..20.0, (-8_i32..9).prop_map(f64::from), Just(-1e9), Just(1e9)];
         [coordinate.clone(), coordinate.clone(), coordinate]

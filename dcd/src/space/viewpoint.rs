@@ -1,27 +1,28 @@
-//! Defines points of view: where somebody looks at a world from, and how far.
+//! Defines viewpoints: the place from which somebody looks at a world, and how far.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
 use super::Cell;
 
-/// A place that somebody looks at a world from.
+/// A place from which somebody looks at a world, and how far.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Viewpoint {
-    /// Where, in world space, metres.
+    /// The place in world space, metres; finite.
     pub at: [f64; 3],
-    /// How far is looked from there, metres.
+    /// The distance up to which is looked from there, metres; finite, 0 or more.
     pub radius_m: f64,
 }
 
 impl Viewpoint {
-    /// Returns whether its numbers are finite and it looks no less than nowhere.
+    /// Returns whether all numbers are finite and the radius is not negative.
     #[doc(hidden)]
     pub fn is_fit(&self) -> bool {
         self.at.iter().all(|v| v.is_finite()) && self.radius_m.is_finite() && self.radius_m >= 0.0
     }
 
-    /// Returns how far a cell is from what is looked at, metres; not above 0 where it is looked into.
+    /// Returns the distance of a cell from what is looked at, metres; 0 or less if the viewpoint sees into
+    /// the cell.
     #[doc(hidden)]
     pub fn gap_m(&self, cell: &Cell) -> f64 {
         let off = (0..3).map(|i| (cell.min[i] - self.at[i]).max(self.at[i] - cell.max[i]).max(0.0));

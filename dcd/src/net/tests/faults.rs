@@ -21,7 +21,7 @@ fn a_killed_peer_is_reported_within_the_idle_time_out() {
     assert!(waited < Duration::from_secs(3), "{waited:?}");
 }
 
-/// Times of a client that the tests need not wait long for.
+/// Returns limits with times that are short for tests.
 fn impatient() -> Limits {
     Limits {
         idle_timeout: Duration::from_millis(400),
@@ -35,7 +35,7 @@ fn impatient() -> Limits {
 #[test]
 fn a_silent_peer_that_lives_is_kept() {
     let (idle, alive) = (Duration::from_secs(2), Duration::from_millis(200));
-    // Ten times what keeps it: a busy machine may let some of that be late.
+    // Ten times the keep-alive: on a busy machine some keep-alives may be late.
     let limits = Limits {
         idle_timeout: idle,
         keep_alive: alive,
@@ -84,7 +84,7 @@ fn a_client_hears_that_its_server_is_gone_though_only_the_client_breaks_the_sile
 fn a_server_that_is_started_again_ends_the_links_of_its_predecessor_at_once() {
     let server = Server::start();
     let listen = server.addr();
-    // They would never notice by themselves.
+    // Clients and nodes that would never notice the end by themselves.
     let patient = Limits { idle_timeout: HOUR, client_idle_timeout: HOUR, ..Limits::default() };
     let client = Process::start(server.join(JoinRole::Client), None, patient.clone());
     let node = Process::start(server.join(JoinRole::Node), None, patient);
@@ -98,7 +98,7 @@ fn a_server_that_is_started_again_ends_the_links_of_its_predecessor_at_once() {
     let config = NetConfig { listen, identity, authority: Some(authority), renewed_by: Vec::new(), limits };
     let (_net, _events) = Net::start(config).unwrap();
     assert_eq!(node.closed().0, CloseCause::Forgotten, "by its keep-alives");
-    // Unless its keep-alives were first.
+    // An error means that the client's keep-alives were first.
     let _ = client.net.send(here, Lane::Client, b"are you there?");
     assert_eq!(client.closed().0, CloseCause::Forgotten, "by what it sends");
 }
@@ -122,7 +122,7 @@ fn a_frame_longer_than_the_role_may_send_closes_the_connection() {
 
 #[test]
 fn an_anonymous_peer_that_does_not_join_is_closed() {
-    // Closed for what it sends, not for taking its time.
+    // It must be closed for what it sends, not for taking its time.
     let server = Server::with_limits(Limits { handshake_timeout: HOUR, ..Limits::default() });
     let fingerprint = server.token(JoinRole::Node).fingerprint;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
@@ -175,14 +175,14 @@ fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
     node.connect_to(&server.process);
 }
 
-/// Asks for something and reads no byte of the answer.
+/// Sends a request and reads no byte of the answer.
 async fn deaf(server: &Server, request: &[u8]) -> (quinn::Endpoint, quinn::Connection, quinn::RecvStream) {
     let crypto = crate::net::verify::joining(server.token(JoinRole::Node).fingerprint).unwrap();
     let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
     let mut config = quinn::ClientConfig::new(Arc::new(crypto));
     let mut transport = quinn::TransportConfig::default();
     transport.stream_receive_window(0_u32.into());
-    // It lives, however slow the machine is.
+    // Keeps the connection alive, however slow the machine is.
     transport.keep_alive_interval(Some(Duration::from_millis(50)));
     transport.max_idle_timeout(Some(quinn::VarInt::from_u32(60_000).into()));
     config.transport_config(Arc::new(transport));
@@ -209,7 +209,7 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     let text = used.to_string();
     let request = JoinRequest { key: key.public(), proof: key.prove(&text), token: text, resume: None };
     let runtime = of_one_thread();
-    // Its token is used up: it keeps its place.
+    // Its token is used up, so it keeps its place.
     let asked = runtime.block_on(deaf(&server, &request.encode(crate::net::PROTOCOL_VERSION)));
     let begun = Instant::now();
     while server.process.net.totals().joins_granted == 0 {
@@ -222,7 +222,7 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     runtime.block_on(asked.0.wait_idle());
     drop((asked, runtime));
     join(&[server.addr()], &token, None, PATIENCE).unwrap();
-    // A handshake that is over makes room although the peer stays.
+    // A handshake that is over makes room even though the peer stays.
     let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
     one.connect_to(&server.process);
     two.connect_to(&server.process);
@@ -235,7 +235,7 @@ fn who_begins_handshakes_and_does_not_finish_them_keeps_nobody_from_joining() {
         Limits { handshakes, handshakes_before_retry: handshakes, handshake_timeout, ..Limits::default() };
     let server = Server::with_limits(limits);
     let token = server.token(JoinRole::Node);
-    // What it says goes on to the server, and nothing comes back.
+    // Forwards what callers send to the server, and nothing back.
     let way = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let (at, to) = (way.local_addr().unwrap(), server.addr());
     let (passed, arrived) = std::sync::mpsc::channel();
@@ -261,7 +261,7 @@ fn who_begins_handshakes_and_does_not_finish_them_keeps_nobody_from_joining() {
     drop((dialling, arrived));
 }
 
-/// Begins handshakes, proves its address, and says nothing more.
+/// A caller that begins handshakes, proves its address, and says nothing more.
 struct Caller {
     endpoint: quinn_proto::Endpoint,
     config: quinn_proto::ClientConfig,
@@ -283,7 +283,7 @@ impl Caller {
         }
     }
 
-    /// Returns whether it was asked for a proof, and gave it.
+    /// Begins a handshake. Returns whether it was asked for a proof of its address, and gave it.
     fn call(&mut self) -> bool {
         let now = Instant::now();
         let (handle, mut connection) =
@@ -364,7 +364,7 @@ fn who_calls_often_from_one_place_pushes_nobody_out_who_calls_from_elsewhere() {
     let limits =
         Limits { handshakes, handshakes_before_retry: 1, handshake_timeout: HOUR, ..Limits::default() };
     let server = Server::with_limits(limits);
-    // What a process says that joins goes on to the server by this way, and the answer comes late.
+    // The packets of a joining process go to the server through this socket, and the answer comes late.
     let way = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     way.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
     let (at, to, token) = (way.local_addr().unwrap(), server.addr(), server.token(JoinRole::Node));
@@ -506,7 +506,7 @@ fn processes_of_two_worlds_do_not_talk() {
 #[test]
 fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
     let server = Server::start();
-    // Its inbox holds two frames of the longest kind, 2 MiB.
+    // The inbox holds two frames of the longest kind, 2 MiB.
     let limits = Limits { frame_bytes: 1 << 20, ..Limits::default() };
     let slow = Process::start(server.join(JoinRole::Client), None, limits);
     let quick = server.process(JoinRole::Client);
@@ -520,7 +520,7 @@ fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
             Ok(()) => {
                 sent += 1;
                 last_taken = Instant::now();
-                // The inbox, one stream's window, our window and queue bound it.
+                // The inbox, one stream's window, our window and our queue bound it.
                 assert!(sent * frame.len() < 4 << 20, "{sent} frames and no end");
             }
             Err(error) if last_taken.elapsed() > Duration::from_millis(300) => break error,
@@ -532,7 +532,7 @@ fn a_slow_reader_costs_its_limit_and_does_not_hold_up_others() {
     assert!(matches!(full, SendError::Full { limit_bytes: 65_536, .. }), "{full:?}");
     server.process.net.send(to_quick, Lane::Object, b"you still hear me").unwrap();
     assert_eq!(quick.frame().1, b"you still hear me");
-    // Once it reads again, nothing is lost.
+    // Nothing is lost once it reads again.
     for _ in 0..sent {
         assert_eq!(slow.frame().1, frame);
     }
@@ -553,7 +553,7 @@ fn datagrams_for_a_loop_that_does_not_read_are_dropped_and_counted() {
         assert!(Instant::now() < deadline, "{sent} datagrams and none dropped");
     }
     let kept = server.process.events.try_iter().count();
-    // The inbox's 64 KiB, and what its reading lets in from the buffers of both ends, 64 KiB each.
+    // The inbox's 64 KiB, and what is let in from the 64 KiB buffers of both ends while the inbox is read.
     assert!((1..=200).contains(&kept), "{kept} of {sent} wait");
 }
 
@@ -589,7 +589,7 @@ fn a_second_server_on_the_same_folder_is_refused() {
 
 #[test]
 fn an_address_where_nobody_answers_is_named_within_the_time_out() {
-    // A socket of ours that never answers: no other process can take the port meanwhile.
+    // A socket that never answers, held here so that no other process can take the port meanwhile.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let addr = silent.local_addr().unwrap();
     let server = Server::start();

@@ -18,7 +18,7 @@ fn refusal(result: Result<Identity, NetError>) -> String {
     }
 }
 
-/// Returns the server's answer to bytes of our own making.
+/// Returns the server's answer to a hand-made request.
 fn reply(server: &Server, request: &[u8]) -> String {
     let fingerprint = server.token(JoinRole::Node).fingerprint;
     let (_, reply) = exchange(&[server.addr()], fingerprint, request, PATIENCE).unwrap();
@@ -112,7 +112,7 @@ fn a_server_refuses_tokens_that_it_did_not_mint() {
     }
 }
 
-/// Makes the join request of a process with a key of its own.
+/// Returns the join request of a process with a new key.
 fn request(token: &str) -> JoinRequest {
     let key = Key::generate().unwrap();
     JoinRequest { token: token.to_owned(), proof: key.prove(token), key: key.public(), resume: None }
@@ -163,7 +163,7 @@ fn requests_of_any_bytes_are_refused_and_spend_no_token() {
     let server = Server::start();
     let token = server.token(JoinRole::Node);
     let whole = request(&token.to_string()).encode(PROTOCOL_VERSION);
-    // A key that is not the joiner's.
+    // A request with a key that is not the joiner's.
     let other = Key::generate().unwrap();
     let strange = JoinRequest { key: other.public(), ..request(&token.to_string()) }.encode(PROTOCOL_VERSION);
     for request in [&b""[..], b"join", b"GET / HTTP/1.1", &whole[..whole.len() - 1], &strange] {
@@ -256,7 +256,7 @@ fn an_expired_certificate_proves_nothing() {
     let identity = authority.server_identity().unwrap();
     let server = Process::start(identity, Some(authority.clone()), Limits::default());
     let mut node = join(&[server.net.local_addr()], &token, None, PATIENCE).unwrap();
-    // The same name and key, but of the day before yesterday.
+    // The same name and key, but issued the day before yesterday.
     node.certificate = authority.issued(&node, SystemTime::now() - 48 * HOUR);
     let node = Process::start(node, None, Limits::default());
     node.net.connect(server.net.local_addr(), PeerName::Server);
@@ -277,7 +277,7 @@ fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in(
         identity: node,
         authority: None,
         renewed_by: vec![server.addr()],
-        // It shows the new one to who has to prove its address first, too.
+        // It also shows the new certificate to callers that have to prove their address first.
         limits: Limits { handshakes_before_retry: 0, ..Limits::default() },
     };
     let (net, events) = Net::start(config).unwrap();
@@ -286,7 +286,7 @@ fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in(
         assert!(Instant::now() < deadline, "its certificate is not renewed");
         std::thread::yield_now();
     }
-    // Both ways: as the one that dials, and as the one that is dialled.
+    // In both directions: as the process that dials, and as the one that is dialled.
     let renewed = Process { net, events };
     renewed.connect_to(&server.process);
     let other = Process::start(server.join(JoinRole::Node), None, Limits::default());
@@ -295,7 +295,7 @@ fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in(
 
 #[test]
 fn a_server_that_is_at_one_of_several_addresses_is_joined_and_dialled_there() {
-    // Nobody answers at the first, and the server comes to the second only later.
+    // Nobody answers at the first address, and the server comes to the second only later.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let later = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let places = [silent.local_addr().unwrap(), later.local_addr().unwrap()];
@@ -305,7 +305,7 @@ fn a_server_that_is_at_one_of_several_addresses_is_joined_and_dialled_there() {
     let joined = std::thread::scope(|scope| {
         let joining = scope.spawn(|| join(&places, &token, None, PATIENCE));
         let mut first = [0; 2_048];
-        // Both are dialled, before either answers.
+        // Both are dialled before either answers.
         silent.recv_from(&mut first).unwrap();
         later.recv_from(&mut first).unwrap();
         drop(later);

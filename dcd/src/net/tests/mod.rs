@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::*;
 
-/// Far longer than anything takes; a test that waits so long has failed.
+/// A time far longer than anything takes. A test that waits this long has failed.
 const PATIENCE: Duration = Duration::from_secs(20);
 const HOUR: Duration = Duration::from_secs(3600);
 

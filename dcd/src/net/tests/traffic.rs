@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::*;
 
-/// A close code of our own.
+/// A close code that the test defines.
 const LEAVING: CloseCode = CloseCode(CloseCode::FIRST_FREE + 1);
 
 #[test]
@@ -139,7 +139,7 @@ fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
     let server = Server::with_limits(limits.clone());
     let node = Process::start(server.join(JoinRole::Node), None, limits);
     let (here, _) = node.connect_to(&server.process);
-    // The first fills the inbox, so that the second waits in QUIC when the connection ends.
+    // The first frame fills the inbox, so that the second one waits in QUIC when the connection ends.
     for _ in 0..2 {
         node.net.send(here, Lane::Object, vec![1; 1 << 20]).unwrap();
     }
@@ -249,7 +249,8 @@ fn shutting_down_tells_peers_and_ends_the_events() {
     assert!(events.recv_timeout(PATIENCE).is_err());
 }
 
-/// Prints figures; run with `--nocapture`. The bound is loose: it catches a delayed flush, not a slow machine.
+/// Prints measured times; run with `--nocapture`. The bound is loose: it catches a delayed flush, not a slow
+/// machine.
 #[test]
 fn a_small_frame_goes_to_and_fro_at_once() {
     let server = Server::start();

@@ -1,4 +1,4 @@
-//! Defines the changes of a world by its server's program, and by clients that may build.
+//! Defines the changes of a world that its server's program, and clients that may build, make.
 
 use bincode::{Decode, Encode};
 
@@ -7,37 +7,37 @@ use crate::protocol::assembly::{Assembly, assemblies, gathered};
 use crate::protocol::{Alteration, BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{BodyId, JointId};
 
-/// The most changes in one message of a client that may build.
+/// The most changes in one message of a builder.
 pub const MAX_BUILD_OPS: usize = 1_024;
-/// The most bytes of such a message: it fits a client's frame.
+/// The most bytes of such a message, so that it fits a client's frame.
 pub(crate) const BUILD_BYTES: usize = 60 << 10;
 
-/// A change of the world by its server's program, or by a client that may build.
+/// A change of the world by its server's program, or by a builder.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum BuildOp {
-    /// Bodies come, with joints among them and with fixed bodies.
+    /// Inserts bodies, with joints among them and with fixed bodies.
     Insert {
-        /// New ones, persistent.
+        /// The new bodies, which are persistent.
         bodies: Vec<BodyRecord>,
-        /// Their shapes, parts before compounds; known ones may be left out.
+        /// The shapes of the bodies, parts before compounds. Known shapes may be left out.
         shapes: Vec<ShapeRecord>,
-        /// Each ties new bodies, or a new one to a fixed one.
+        /// The joints. Each ties new bodies, or a new one to a fixed one.
         joints: Vec<JointRecord>,
     },
-    /// A body goes, with its joints.
+    /// Removes a body with its joints.
     Remove(BodyId),
-    /// A joint goes.
+    /// Removes a joint.
     RemoveJoint(JointId),
-    /// A body gets a velocity, and perhaps a pose.
+    /// Sets the velocity of a body, and perhaps its pose.
     Move(Input),
-    /// A body is pushed.
+    /// Pushes a body.
     Push(Push),
-    /// A movable body or a joint is something else.
+    /// Changes what a movable body or a joint is.
     Alter(Alteration),
 }
 
 impl BuildOp {
-    /// Returns the bodies concerned: none where a joint is.
+    /// Returns the bodies that the change concerns; none for a change of a joint.
     pub(crate) fn bodies(&self) -> Vec<BodyId> {
         match self {
             Self::Insert { bodies, .. } => bodies.iter().map(|body| body.id).collect(),
@@ -49,7 +49,8 @@ impl BuildOp {
         }
     }
 
-    /// Splits what comes into parts of at most so many bytes, as far as joints allow: what they tie together comes together.
+    /// Splits an insertion into parts of at most `bytes` bytes, as far as joints allow: bodies that they tie
+    /// stay together.
     pub(crate) fn in_parts(self, bytes: usize) -> Vec<Self> {
         match self {
             Self::Insert { bodies, shapes, joints } => {

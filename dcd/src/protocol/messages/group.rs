@@ -19,88 +19,95 @@ use crate::space::{
 /// A message of the server to a node.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ToNode {
-    /// Answer to [`Hello`](super::Hello); chunks of shapes and immovable bodies follow, then [`ToNode::WorldEnd`].
+    /// Answers [`Hello`](super::Hello). Chunks of shapes and immovable bodies follow, then
+    /// [`ToNode::WorldEnd`].
     Welcome {
         /// The node's id.
         id: NodeId,
         /// The world.
         world: EnvironmentProperties,
     },
-    /// Part of a world, before [`ToNode::WorldEnd`] or [`ToNode::Adopt`].
+    /// Brings a part of a world, before [`ToNode::WorldEnd`] or [`ToNode::Adopt`].
     Chunk(Chunk),
-    /// The node has all it needs to take regions; it answers [`ToServer::Loaded`].
+    /// Tells that the node has all that it needs to take regions. The node answers [`ToServer::Loaded`].
     WorldEnd,
-    /// A view change begins: start no further tick, answer [`ToServer::Settling`].
+    /// Begins a view change: the node starts no further tick, and answers [`ToServer::Settling`].
     Settle {
         /// The view to come.
         view: ViewNumber,
     },
-    /// Complete these ticks, waiting for survivors only; then answer [`ToServer::Survey`]. Several, the last one marked.
+    /// Has the node complete these ticks, waiting for survivors only, and then answer [`ToServer::Survey`].
+    /// Several such messages may come, the last one marked.
     Finish {
         /// The view to come.
         view: ViewNumber,
-        /// Together all dispatches of the present view that some survivor may not have completed, in order.
+        /// The dispatches. Those of all such messages together are all dispatches of the present view that
+        /// some survivor may not have completed, in order.
         dispatches: Vec<Dispatch>,
-        /// Who still answers, in id order.
+        /// The nodes that still answer, in id order.
         survivors: Vec<NodeId>,
-        /// Whether no more follow.
+        /// Whether no more such messages follow.
         last: bool,
     },
-    /// Send these bodies whole, owned or replica, as far as held; answered by [`ToServer::Found`].
+    /// Has the node send these bodies whole, owned or ghosts, as far as it holds them. It answers
+    /// [`ToServer::Found`].
     Fetch {
         /// The view to come.
         view: ViewNumber,
-        /// In id order.
+        /// The bodies, in id order.
         bodies: Vec<BodyId>,
     },
-    /// The view begins, with the [`Placed`](super::Placed) bodies sent before it.
+    /// Begins the view, with the [`Placed`](super::Placed) bodies that were sent before.
     Adopt {
-        /// Members, leader and allocation.
+        /// The members, the leader and the allocation.
         view: View,
-        /// Bodies to let go of: removed ones, and those that another member owns at a higher epoch.
+        /// The bodies to let go of: removed ones, and those that another member owns at a higher epoch.
         drop: Vec<BodyId>,
     },
-    /// To the leader: put these into the next dispatch. Already on record, so they outlive the leader.
+    /// To the leader: put these operations into the next dispatch. They are already on record, so they
+    /// outlive the leader.
     Apply {
         /// The present view.
         view: ViewNumber,
-        /// The number in the view of the first of them that moves a body, of those that do.
+        /// The number in the view of the first of these operations that moves a body, counting only
+        /// operations that do.
         first: u64,
-        /// In order.
+        /// The operations, in order.
         ops: Vec<WorldOp>,
     },
-    /// All nodes of the server: each is linked with each, so that delays are known before they matter.
+    /// Names all nodes of the server. Each node links with each, so that delays are known before they matter.
     Roster(Vec<Member>),
-    /// A vote on which this member is asked; answered by [`ToServer::Ballot`].
+    /// Asks this member to vote. It answers [`ToServer::Ballot`].
     Poll {
-        /// Names the vote.
+        /// The id of the vote.
         poll: u64,
-        /// What about.
+        /// The motion to vote on.
         motion: Motion,
     },
-    /// To the leader: a query of the server's program, answered by [`ToServer::Answer`].
+    /// To the leader: asks a query of the server's program. It answers [`ToServer::Answer`].
     Ask {
         /// The present view.
         view: ViewNumber,
-        /// What it asks.
+        /// The query.
         question: Query,
     },
-    /// To the leader: the server's program looks at the world from these places from now on, and from no others. A view to come says it itself.
+    /// To the leader: the server's program looks at the world from these viewpoints from now on, and from no
+    /// others. A later view brings its own.
     Look {
         /// The present view.
         view: ViewNumber,
-        /// From where.
+        /// The viewpoints.
         viewpoints: Vec<Viewpoint>,
     },
-    /// To the leader of a group, from other groups: state replication of bodies for which those are authoritative. Newest wins.
+    /// To the leader of a group: states of bodies for which other groups are authoritative. The newest wins.
     InterGroup {
         /// The present view of the receiver.
         view: ViewNumber,
-        /// Whether they come from the main group, to whose ticks the others keep up.
+        /// Whether they come from the main group. The other groups keep up with its ticks.
         main: bool,
-        /// The tick after which these states held.
+        /// The tick after which the states hold.
         tick: Tick,
-        /// In id order, in the compact form of `delta::alone`.
+        /// The states, in id order, in the compact form of `delta::alone`.
         states: Vec<u8>,
     },
     /// To the leader of a group: for which bodies its group is authoritative from now on.
@@ -109,26 +116,27 @@ pub enum ToNode {
         view: ViewNumber,
         /// Whether there is no other group.
         alone: bool,
-        /// Whether the receiver's group is authoritative for persistent bodies that no stance is on.
+        /// Whether the receiver's group is authoritative for persistent bodies without a stance.
         by_default: bool,
-        /// New stances, in id order.
+        /// The new stances, in id order.
         stances: Vec<Stance>,
     },
-    /// Before [`ToNode::Adopt`], where participants are verified: say to the leader what you take in, and what you tell these. To the leader:
-    /// compute once more what these compute.
+    /// Before [`ToNode::Adopt`], if participants are verified. Each member is to tell the leader what it
+    /// takes in, and what it tells these participants. The leader is to compute once more what they compute.
     Verify {
         /// The view to come.
         view: ViewNumber,
-        /// In id order.
+        /// The participants, in id order.
         nodes: Vec<Verified>,
-        /// Participants that have computed before keep nothing of that: all that they begin with is placed with the view.
+        /// Whether participants that have computed before keep nothing of that: all that they begin with is
+        /// placed with the view.
         anew: bool,
     },
-    /// Stop.
+    /// Tells the node to stop.
     Shutdown {
-        /// Why.
+        /// The reason, for programs.
         farewell: Farewell,
-        /// The reason in words, for people.
+        /// The reason, for people.
         reason: String,
     },
 }
@@ -136,11 +144,11 @@ pub enum ToNode {
 /// The reason why the server removes a process from its world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Farewell {
-    /// A node has handed its share over, and leaves: it asked to, or an operator drained it.
+    /// A node has handed its share over, and leaves. It asked to, or an operator drained it.
     Left,
-    /// The server's user does not want it any longer.
+    /// The server's user does not want the process any longer.
     SentAway,
-    /// It has another version, or is not what it claims to be.
+    /// The process has another version, or is not what it claims to be.
     Refused,
     /// The world ends.
     Ended,
@@ -149,143 +157,145 @@ pub enum Farewell {
 /// A message of a node to the server.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ToServer {
-    /// The world has been received: the node can be given regions.
+    /// The world has been received, so that the node can be given regions.
     Loaded,
-    /// Answer to [`ToNode::Settle`]; several, the last one marked.
+    /// Answers [`ToNode::Settle`]. Several such messages may come, the last one marked.
     Settling {
         /// The view to come.
         view: ViewNumber,
-        /// Dispatches received in the present view that another member may not have completed, in order.
+        /// The dispatches received in the present view that another member may not have completed, in order.
         dispatches: Vec<Dispatch>,
-        /// From the leader: what the server's program did to moving bodies and no tick has done yet. The leader to come does it.
+        /// From the leader: what the server's program did to moving bodies and no tick has applied yet. The
+        /// next leader applies it.
         undone: Vec<WorldOp>,
-        /// Whether no more follow.
+        /// Whether no more such messages follow.
         last: bool,
     },
-    /// Answer to [`ToNode::Finish`]: the bodies that the node owns after its last tick.
+    /// Answers [`ToNode::Finish`] with the bodies that the node owns after its last tick.
     Survey {
         /// The view to come.
         view: ViewNumber,
         /// The last completed tick.
         tick: Tick,
-        /// The tree after that tick, and which member computes each region, the same at all members. `None`: the node has begun anew
-        /// since the server took it for a member.
+        /// The tree after that tick, and the member that computes each region; the same at all members.
+        /// `None` if the node has begun anew since the server took it for a member.
         division: Option<(DistributionTree, Allocation)>,
-        /// Every owned body, in id order.
+        /// A claim for every owned body, in id order.
         claims: Vec<Claim>,
     },
-    /// From the leader: the tree or the allocation has changed within the view; sent again whenever the link was gone.
+    /// From the leader: the tree or the allocation has changed within the view. Sent again whenever the link
+    /// was gone.
     Repartitioned {
         /// The present view.
         view: ViewNumber,
-        /// Before which tick.
+        /// The tick before which the change holds.
         tick: Tick,
         /// The tree from then on.
         tree: DistributionTree,
-        /// Which member computes each region.
+        /// The member that computes each region.
         allocation: Allocation,
-        /// How often the tree has changed in this view.
+        /// The number of changes of the tree in this view.
         division: u32,
     },
-    /// Answer to [`ToNode::Fetch`]; several, the last one marked.
+    /// Answers [`ToNode::Fetch`]. Several such messages may come, the last one marked.
     Found {
         /// The view to come.
         view: ViewNumber,
-        /// In id order.
+        /// The bodies, in id order.
         bodies: Vec<BodyRecord>,
-        /// Whether no more follow.
+        /// Whether no more such messages follow.
         last: bool,
     },
-    /// Bodies that moved since the last checkpoint, several times per second.
+    /// Brings bodies that moved since the last checkpoint, several times per second.
     Checkpoint {
         /// The present view.
         view: ViewNumber,
-        /// After which tick.
+        /// The tick after which the states hold.
         tick: Tick,
-        /// How often the tree had changed in this view by then.
+        /// The number of changes of the tree in this view by then.
         division: u32,
-        /// In id order.
+        /// The bodies, in id order.
         bodies: Vec<BodyCheckpoint>,
     },
-    /// The last states of bodies that this node owned and removed by a [`WorldOp::Remove`].
+    /// Brings the last states of bodies that this node owned and removed by a [`WorldOp::Remove`].
     Removed {
         /// The present view.
         view: ViewNumber,
-        /// After which tick.
+        /// The tick after which they were removed.
         tick: Tick,
-        /// In id order.
+        /// The bodies, in id order.
         bodies: Vec<BodyRecord>,
     },
-    /// Another member cannot be reached.
+    /// Tells that another member cannot be reached.
     LinkLost {
         /// The present view.
         view: ViewNumber,
-        /// Who.
+        /// The other member.
         node: NodeId,
     },
-    /// Delays to other nodes that changed since the last time, in id order.
+    /// Tells the delays to other nodes that changed since the last time, in id order.
     Delays(Vec<Delay>),
     /// Calls for a vote.
     Call(Motion),
-    /// Answer to [`ToNode::Poll`]: the average delay to the node in question, milliseconds; `None`: unknown.
+    /// Answers [`ToNode::Poll`] with the average delay to the node in question.
     Ballot {
-        /// Names the vote.
+        /// The id of the vote.
         poll: u64,
-        /// Round trip.
+        /// The round trip, milliseconds; `None` if it is not known.
         delay_ms: Option<f32>,
     },
-    /// From the leader: state replication of bodies for which its group is authoritative. Newest wins.
+    /// From the leader: states of bodies for which its group is authoritative. The newest wins.
     InterGroup {
         /// The present view.
         view: ViewNumber,
-        /// After which tick.
+        /// The tick after which the states hold.
         tick: Tick,
-        /// In id order, in the compact form of `delta::alone`.
+        /// The states, in id order, in the compact form of `delta::alone`.
         states: Vec<u8>,
     },
     /// From the leader: bodies that an avatar of its group has touched, each with its number of authority.
     Touched {
         /// The present view.
         view: ViewNumber,
-        /// In id order.
+        /// The bodies, in id order.
         bodies: Vec<(BodyId, u32)>,
     },
-    /// From the leader: the answer to [`ToNode::Ask`].
+    /// From the leader: answers [`ToNode::Ask`].
     Answer {
         /// The present view.
         view: ViewNumber,
-        /// The question's.
+        /// The number of the query.
         number: u64,
-        /// What was found.
+        /// The result.
         found: QueryResult,
     },
     /// From the leader: contacts of bodies that ask for them, each pair once.
     Contacts {
         /// The present view.
         view: ViewNumber,
-        /// In which tick.
+        /// The tick of the contacts.
         tick: Tick,
-        /// Beginnings, ends, and forces above thresholds.
+        /// The contacts that began or ceased, and the forces above thresholds.
         events: WorldEvents,
     },
-    /// The node asks to leave; its regions are handed over first, then it is told to shut down.
+    /// Asks to leave. The node's regions are handed over first, and then it is told to shut down.
     Leave,
     /// From the leader: what it has found out about a participant whose regions it computes once more.
     Verdict {
-        /// The view of that tick.
+        /// The view of the tick.
         view: ViewNumber,
-        /// In which tick.
+        /// The tick.
         tick: Tick,
-        /// Which participant.
+        /// The participant.
         node: NodeId,
-        /// What.
+        /// The finding.
         finding: Finding,
     },
-    /// From the leader, every 60 ticks: what it saves and costs that not all is computed in full.
+    /// From the leader, every 60 ticks: what it saves and costs that not everything is computed in full.
     Fidelity {
         /// The present view.
         view: ViewNumber,
-        /// As far as is known since the view began.
+        /// The report, as far as is known since the view began.
         report: FidelityReport,
     },
 }
@@ -293,9 +303,9 @@ pub enum ToServer {
 /// The measured delay from the sender to another node.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Delay {
-    /// Which.
+    /// The other node.
     pub node: NodeId,
-    /// Average round trip, milliseconds; `None`: it cannot be reached.
+    /// The average round trip, milliseconds; `None` if the node cannot be reached.
     pub delay_ms: Option<f32>,
 }
 
@@ -308,70 +318,71 @@ pub enum Motion {
     Reject(NodeId),
 }
 
-/// A statement which group is authoritative for a body.
+/// A statement of which group is authoritative for a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Stance {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Grows with every change; the higher one counts.
+    /// The number of the stance, which grows with every change. The higher one counts.
     pub number: u32,
     /// Whether the receiver's group is the authoritative one.
     pub yours: bool,
 }
 
-/// One owned body in a survey: the claim of a node to own it.
+/// The claim of a node, in a survey, to own a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Claim {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// At which epoch.
+    /// The epoch at which it is owned.
     pub epoch: Epoch,
-    /// Which of the node's regions owns it.
+    /// The region of the node that owns it.
     pub region: RegionId,
 }
 
 /// The state of a body that a checkpoint keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct BodyCheckpoint {
-    /// Which body.
+    /// The body.
     pub id: BodyId,
-    /// Which of the sender's regions owns it.
+    /// The region of the sender that owns it.
     pub region: RegionId,
-    /// Of its owner.
+    /// The epoch of its owner.
     pub epoch: Epoch,
-    /// What steps changed.
+    /// The part of the body that steps change.
     pub state: BodyState,
 }
 
-/// The leader's permission to compute a tick: the barrier opens.
+/// The leader's permission to compute a tick (the barrier opens).
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Dispatch {
-    /// In which view.
+    /// The view.
     pub view: ViewNumber,
-    /// Which tick.
+    /// The tick.
     pub tick: Tick,
-    /// Number of rounds in which all compute it: substeps of equal length, each followed by an exchange.
+    /// The number of rounds in which all members compute it: substeps of equal length, each followed by an
+    /// exchange.
     pub rounds: u32,
-    /// Changes of the world before it, in order.
+    /// The changes of the world before the tick, in order.
     pub ops: Vec<WorldOp>,
 }
 
-/// A change of the tree within a view, agreed upon by the tick before which every member makes it.
+/// A change of the tree within a view. All members make it before the same tick.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Repartition {
-    /// In this order, all or none.
+    /// The changes, to be made in this order, all or none.
     pub changes: Vec<TreeChange>,
-    /// Who computes regions that are new: the right one of each [`TreeChange::Split`].
+    /// The node that computes new regions: the right one of each [`TreeChange::Split`].
     pub newborn: NodeId,
 }
 
 impl Repartition {
-    /// Returns what becomes of the names of the regions of `tree`, which is as it was before, in order.
+    /// Returns what becomes of the names of regions, in order. `tree` is the tree before the change.
     pub fn renamings(&self, tree: &DistributionTree) -> impl Iterator<Item = Renaming> {
         self.changes.iter().filter_map(|change| tree.renaming(change))
     }
 
-    /// Makes the same change to an allocation of the regions of `tree`, which is as it was before.
+    /// Makes the same change to an allocation. `tree` is the tree before the change.
     pub fn reallocate(&self, allocation: &mut Allocation, tree: &DistributionTree) {
         for Renaming { from, to, born, gone } in self.renamings(tree) {
             let node = allocation.remove(&from);
@@ -382,94 +393,98 @@ impl Repartition {
     }
 }
 
-/// What one member has to do, for its leader to balance.
+/// The load of one member, from which its leader balances.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct LoadReport {
-    /// Its regions, in id order.
+    /// The member's regions, in id order.
     pub regions: Vec<RegionLoad>,
-    /// Where the load of those is, summed up.
+    /// Where the load of these regions lies, summed up.
     pub burdens: Vec<Burden>,
     /// Boxes around the islands there that are too large to move whole.
     pub islands: Vec<Bounds>,
 }
 
 impl LoadReport {
-    /// The most places for each region to which its load is summed up.
+    /// The most places per region to which its load is summed up.
     pub const BURDENS: usize = 128;
 }
 
-/// What one region has to do.
+/// The load of one region.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RegionLoad {
-    /// Which.
+    /// The region.
     pub region: RegionId,
-    /// Awake bodies and their contacts.
+    /// The number of awake bodies and of their contacts.
     pub activity: f64,
-    /// What a tick of it takes, smoothed, microseconds.
+    /// The time that a tick of the region takes, smoothed, microseconds.
     pub step_us: f64,
-    /// Nothing is left in it, so that it may be given up.
+    /// Whether nothing is left in it, so that it may be given up.
     pub vacant: bool,
 }
 
-/// A change of the world from outside, applied by every member at the start of a tick to what it holds.
+/// A change of the world from outside. Every member applies it at the start of a tick to what it holds.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum WorldOp {
-    /// Bodies appear; the region at its place owns each, and that in which most of an assembly lies the whole assembly.
+    /// Inserts bodies. The region at a body's place owns it; the region in which most of an assembly lies
+    /// owns the whole assembly.
     Insert {
-        /// The bodies.
+        /// The new bodies.
         bodies: Vec<BodyRecord>,
-        /// Shapes that are new to the group.
+        /// The shapes that are new to the group.
         shapes: Vec<ShapeRecord>,
-        /// Joints among them, and with fixed bodies.
+        /// The joints among the bodies, and with fixed bodies.
         joints: Vec<JointRecord>,
     },
-    /// A body disappears, with its joints.
+    /// Removes a body with its joints.
     Remove(BodyId),
-    /// A joint disappears.
+    /// Removes a joint.
     RemoveJoint(JointId),
-    /// No body has had these shapes for a while: each member forgets those that nothing has there.
+    /// Forgets shapes that no body has had for a while: each member forgets those that nothing there has.
     ForgetShapes(Vec<ShapeHash>),
-    /// An avatar's user moves it, or the server's program a body.
+    /// Moves an avatar as its user asks, or a body as the server's program asks.
     Input(Input),
-    /// The server's program pushes a body.
+    /// Pushes a body, as the server's program asks.
     Push(Push),
-    /// The server's program changes what a body or a joint is.
+    /// Changes what a body or a joint is, as the server's program asks.
     Alter(Alteration),
-    /// Bodies for which another group is authoritative: corrected gradually towards their states there, without a jump.
+    /// Corrects bodies for which another group is authoritative, gradually and without a jump, towards their
+    /// states there.
     Correct {
-        /// The tick after which these states held.
+        /// The tick after which the states hold.
         tick: Tick,
-        /// In id order.
+        /// The states, in id order.
         states: Vec<SharedState>,
     },
-    /// The tree changes before anything else of this tick.
+    /// Changes the tree, before anything else of this tick.
     Repartition(Repartition),
-    /// A client queries bodies as they are after the tick; changes nothing.
+    /// Asks a client's query about bodies as they are after the tick; changes nothing.
     Ask {
-        /// Whose question.
+        /// The client that asks.
         client: ClientId,
-        /// What it asks.
+        /// The query.
         question: Query,
     },
-    /// Some regions stay behind in this tick. All others are stepped, by all the ticks that they are behind; without this all are.
+    /// Says which regions stay behind in this tick. All others are stepped, by all the ticks that they are
+    /// behind. Without this all regions are stepped.
     Schedule(Schedule),
-    /// What clients look at changes, of which members report bodies.
+    /// Changes what clients look at. Members report bodies that are looked at.
     Watch(Watch),
 }
 
-/// How what clients look at differs from the tick before. A view begins with nobody looking.
+/// The changes in what clients look at, since the tick before. A view begins with nobody looking.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Watch {
-    /// Clients that look at another area than before; `None`: at everything. In id order.
+    /// The clients that look at another area than before, in id order; `None` for everything.
     pub areas: Vec<(ClientId, Option<Area>)>,
-    /// Clients that look no longer, in id order.
+    /// The clients that do not look any longer, in id order.
     pub gone: Vec<ClientId>,
-    /// Avatars of clients with an area, and the cells that they have come to (level, and place along each axis), in id order.
+    /// The avatars of clients with an area, with the cells that they have come to (level, and place along
+    /// each axis), in id order.
     pub avatars: Vec<(BodyId, [i64; 4])>,
 }
 
 impl WorldOp {
-    /// Returns which regions stay behind, if it says so.
+    /// Returns the schedule, if this is one.
     pub const fn schedule(&self) -> Option<&Schedule> {
         match self {
             Self::Schedule(schedule) => Some(schedule),
@@ -477,7 +492,7 @@ impl WorldOp {
         }
     }
 
-    /// Returns the change of the tree, if it is one.
+    /// Returns the change of the tree, if this is one.
     pub const fn repartition(&self) -> Option<&Repartition> {
         match self {
             Self::Repartition(change) => Some(change),
@@ -485,7 +500,7 @@ impl WorldOp {
         }
     }
 
-    /// Returns the body that it moves, of whose motion the server's record knows nothing.
+    /// Returns the body that is moved, if this moves one. The server's record knows nothing of such motion.
     pub(crate) fn moves(&self) -> Option<BodyId> {
         match self {
             Self::Input(input) => Some(input.body),
@@ -494,24 +509,27 @@ impl WorldOp {
         }
     }
 
-    /// Returns whether it may concern regions that are far from each other: what appears somewhere, or is moved there at once.
+    /// Returns whether this may concern regions that are far from each other: bodies are inserted, or one
+    /// jumps to a pose.
     pub fn concerns_all(&self) -> bool {
         matches!(self, Self::Insert { .. } | Self::Input(Input { pose: Some(_), .. }))
     }
 }
 
-/// A push on a dynamic body.
+/// A push on a dynamic body: an impulse, or a lasting force.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Push {
-    /// The body that is pushed, and woken.
+    /// The body that is pushed and woken.
     pub body: BodyId,
-    /// An impulse, N s, or a force, N; world axes.
+    /// The impulse, N s, or the force, N; world axes.
     pub linear: [f32; 3],
-    /// An angular impulse, N m s, or a torque, N m, besides that which `linear` has at `point`; world axes.
+    /// The angular impulse, N m s, or the torque, N m, in addition to that of `linear` at `point`; world
+    /// axes.
     pub angular: [f32; 3],
-    /// Where `linear` acts, in world space, metres; `None`: at the centre of mass.
+    /// The point at which `linear` acts, in world space, metres; `None` for the centre of mass.
     pub point: Option<[f64; 3]>,
-    /// Whether it is a force and a torque, which replace those before and last until they are replaced, or impulses.
+    /// Whether the push is a force and a torque, which replace earlier ones and last until they are replaced.
+    /// Otherwise it is an impulse.
     pub lasts: bool,
 }
 
@@ -528,62 +546,64 @@ impl Push {
         Self { body, linear: [0.0; 3], angular, point: None, lasts: false }
     }
 
-    /// Makes a force at the centre of mass, N, and a torque, N m, that last until others replace them; zeros end them.
+    /// Makes a force at the centre of mass, N, and a torque, N m, which last until others replace them. Zeros
+    /// end them.
     #[must_use]
     pub const fn force(body: BodyId, linear: [f32; 3], angular: [f32; 3]) -> Self {
         Self { body, linear, angular, point: None, lasts: true }
     }
 
-    /// Lets it act at a point of world space, metres.
+    /// Returns the same push, acting at a point in world space, metres.
     #[must_use]
     pub const fn at(self, point: [f64; 3]) -> Self {
         Self { point: Some(point), ..self }
     }
 }
 
-/// A member's report that it has completed a tick: it has reached the barrier.
+/// A member's report that it has completed a tick (it has reached the barrier).
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Done {
-    /// In which view.
+    /// The view.
     pub view: ViewNumber,
-    /// Which tick; the tick of the view itself when the member is ready to begin.
+    /// The tick; the tick of the view itself when the member is ready to begin.
     pub tick: Tick,
-    /// Rounds that its regions want for the next tick; all take the most that any member wants.
+    /// The rounds that its regions want for the next tick. All members take the most that any of them wants.
     pub rounds_wanted: u32,
-    /// Avatars of which it holds a copy, in id order, if that has changed since it last reported it in this view.
+    /// The avatars of which it holds a copy, in id order, if they have changed since it last reported them in
+    /// this view.
     pub holds: Option<Vec<BodyId>>,
-    /// Contacts of avatars.
+    /// The contacts of avatars.
     pub events: Vec<RegionEvents>,
-    /// Answers to the questions that came with the tick.
+    /// The answers to the queries that came with the tick.
     pub answers: Vec<Answer>,
-    /// What it has to do, when that is due.
+    /// The load of the member, when it is due.
     pub load: Option<LoadReport>,
-    /// How long it has computed for it, microseconds.
+    /// The time for which it has computed the tick, microseconds.
     pub compute_us: u32,
-    /// The states of its regions, in id order, where the world's fidelity lets them be stepped less often.
+    /// The states of its regions, in id order, if the world's fidelity lets regions be stepped less often.
     pub regions: Vec<RegionState>,
 }
 
-/// A member's report of bodies that moved since its last report, and that somebody looks at.
+/// A member's report of bodies that moved since its last report and that somebody looks at.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Report {
-    /// In which view.
+    /// The view.
     pub view: ViewNumber,
-    /// After which tick.
+    /// The tick after which the states hold.
     pub tick: Tick,
-    /// In id order.
+    /// The states, in id order.
     pub states: Vec<SharedState>,
 }
 
-/// The border messages of one member's regions to another's in one round; sent even when empty.
+/// The border messages of one member's regions to another's in one round. It is sent even when it is empty.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Border {
-    /// In which view.
+    /// The view.
     pub view: ViewNumber,
-    /// Of which tick.
+    /// The tick.
     pub tick: Tick,
-    /// Which exchange of the tick, from 0.
+    /// The exchange of the tick, from 0.
     pub round: u32,
-    /// In order of (from, to).
+    /// The messages, in order of (from, to).
     pub messages: Vec<BorderMessage>,
 }

@@ -3,14 +3,15 @@
 
 use bincode::{Decode, Encode};
 
-/// A message between a server's program and that of a node or client, in bytes of their own.
+/// A message between a server's program and that of a node or client, whose bytes the programs define.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Program {
-    /// Arrives once and in order, as long as the link lasts; at most
+    /// A message that arrives once and in order, as long as the link lasts; at most
     /// [`PROGRAM_MESSAGE_BYTES`](crate::protocol::PROGRAM_MESSAGE_BYTES).
     Message(Vec<u8>),
-    /// May be lost, or overtaken; at most [`PROGRAM_DATAGRAM_BYTES`](crate::protocol::PROGRAM_DATAGRAM_BYTES).
+    /// A datagram that may be lost or overtaken; at most
+    /// [`PROGRAM_DATAGRAM_BYTES`](crate::protocol::PROGRAM_DATAGRAM_BYTES).
     Datagram(Vec<u8>),
-    /// Total of the messages on this link that the program has taken so far: room for more of them.
+    /// The total of the messages on this link that the program has taken so far, which makes room for more.
     Taken(u64),
 }

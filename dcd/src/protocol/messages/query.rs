@@ -1,129 +1,135 @@
-//! Defines scene queries (rays, shape casts, overlaps) that clients send about the bodies of the world, and their owners' answers.
+//! Defines spatial queries (rays, shape casts, overlaps) that clients send, and the answers of the processes
+//! that own the bodies.
 
 use bincode::{Decode, Encode};
 
 use crate::protocol::{ShapeHash, ShapeRecord, WorldPose, encoded_len, link};
 use crate::space::{BodyId, Bounds, ClientId};
 
-/// The most that one question may cost, see [`Query::cost`], and the most bodies that it may exclude.
+/// The most that one query may cost (see [`Query::cost`]), and the most bodies that it may exclude.
 pub const MAX_COST: usize = 1_024;
-/// The most that all unanswered questions of one client may cost.
+/// The most that all unanswered queries of one client may cost together.
 pub const MAX_OPEN_COST: usize = 4 * MAX_COST;
-/// The most unanswered questions of one client.
+/// The most unanswered queries of one client.
 pub const MAX_OPEN_QUERIES: usize = 64;
-/// Cost of a shape that moves or overlaps; a ray, a point or a box costs 1.
+/// The cost of a shape that moves or overlaps. A ray, a point or a box costs 1.
 pub const SHAPE_COST: usize = 8;
-/// The least cost of a question for overlaps: its answer may be long.
+/// The least cost of a query for overlaps, since its answer may be long.
 pub const OVERLAPS_COST: usize = 64;
-/// The most colliders that one question for overlaps may find.
+/// The most colliders that one query for overlaps may find.
 pub const MAX_FOUND: usize = 4_096;
-/// The longest question: with its envelope it fits a client's frame.
+/// The longest query in bytes: with its envelope it fits a client's frame.
 pub const MAX_QUERY_BYTES: usize = link::CLIENT_FRAME_BYTES - 64;
-/// The largest shape that may turn during a cast, metres: the farther out, the finer the steps in which it is looked at.
+/// The largest shape that may turn during a cast, metres: the farther out a shape reaches, the finer the
+/// steps in which it is looked at.
 pub const MAX_TURNING_M: f32 = 100.0;
-/// The largest turn of a shape during a cast, radians: each turn is looked at in many steps.
+/// The largest turn of a shape during a cast, radians, since a turn is looked at in many steps.
 pub const MAX_TURN: f32 = 64.0;
 
-/// A scene query: rays, casts or overlaps, with one filter for all of them.
+/// A spatial query: rays, casts or overlaps, with one filter for all of them.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Query {
-    /// The client's own, unlike those of its other questions.
+    /// The number of the query, different from those of the sender's other queries. `World::submit` sets it.
     pub number: u64,
-    /// The filter of all of its parts.
+    /// The filter of all parts.
     pub filter: FilterRecord,
-    /// The shapes that it names, parts before the compounds made of them. Each [suits clients](ShapeRecord::suits_clients).
+    /// The shapes that the parts name, parts of compounds before the compounds. Each
+    /// [suits clients](ShapeRecord::suits_clients): it is no mesh, terrain, voxels or half-space.
     pub shapes: Vec<ShapeRecord>,
     /// The rays, casts or overlaps.
     pub parts: QueryParts,
 }
 
-/// The filter of a whole query: bodies and colliders that it ignores.
+/// The filter of a whole query: the bodies and colliders that it ignores.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct FilterRecord {
-    /// Kinds, as bits of Rapier's `QueryFilterFlags`.
+    /// The kinds of bodies and colliders that are left out, as bits of Rapier's `QueryFilterFlags`.
     pub flags: u32,
-    /// Groups that the questions belong to: colliders that meet none of them are left out. 0 filters nothing.
+    /// The groups to which the query belongs: colliders that meet none of them are left out. 0 filters
+    /// nothing.
     pub groups: u32,
-    /// Bodies in id order; at most [`MAX_COST`].
+    /// Bodies that are left out, in id order; at most [`MAX_COST`] (1,024).
     pub exclude: Vec<BodyId>,
 }
 
-/// The parts of a query, all of them about the world after the same tick.
+/// The parts of a query. All are answered for the world after the same tick.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum QueryParts {
-    /// The first hit of each ray.
+    /// Rays: the first hit of each.
     Rays(Vec<RayQuery>),
-    /// The first hit of each moving shape.
+    /// Moving shapes: the first hit of each.
     Casts(Vec<CastQuery>),
-    /// All colliders at each place.
+    /// Places: all colliders at each.
     Overlaps(Vec<OverlapQuery>),
 }
 
 /// A ray of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RayQuery {
-    /// Where it starts, in world space, metres.
+    /// The start of the ray, in world space, metres.
     pub origin: [f64; 3],
-    /// Where it goes; of any length above 0.
+    /// The direction, of any length above 0.
     pub direction: [f32; 3],
-    /// How far, metres; may be infinite.
+    /// The length of the ray, metres; may be infinite.
     pub max_m: f64,
-    /// Whether a body that it starts in is met there at once.
+    /// Whether the ray hits a body that it starts in at once.
     pub solid: bool,
-    /// Groups that it may find, and one body that it ignores.
+    /// The groups that the ray may find, and one body that it ignores.
     pub filter: PartFilter,
 }
 
 /// A shape cast: one shape that moves straight, and may turn on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct CastQuery {
-    /// Which.
+    /// The shape, one of the query's shapes.
     pub shape: ShapeHash,
-    /// Where it starts.
+    /// The pose of the shape at the start, in world space.
     pub pose: WorldPose,
-    /// How far its origin moves, metres.
+    /// The way of the shape's origin, metres.
     pub motion: [f32; 3],
-    /// By how much it turns on the way: about this axis of the world, by its length in radians, at most [`MAX_TURN`].
+    /// The turn on the way: an axis of world space, whose length is the angle in radians, at most
+    /// [`MAX_TURN`] (64).
     pub turn: [f32; 3],
-    /// Metres from a body at which it counts as there; 0 if it turns.
+    /// The distance from a body, metres, at which the shape counts as there; 0 if it turns.
     pub margin_m: f32,
-    /// Whether what it overlaps at the start stops it only if it moves farther in; not if it turns, which may take for ever.
+    /// Whether a body that the shape overlaps at the start stops it only if it moves farther in. Not possible
+    /// for a shape that turns, where the search may not end.
     pub leaves: bool,
-    /// Groups that it may find, and one body that it ignores.
+    /// The groups that the shape may find, and one body that it ignores.
     pub filter: PartFilter,
 }
 
 /// An overlap query: one place.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct OverlapQuery {
-    /// Where.
+    /// The place.
     pub place: Place,
-    /// Groups that it may find, and one body that it ignores.
+    /// The groups that may be found, and one body that is ignored.
     pub filter: PartFilter,
 }
 
 /// The place of an overlap query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub enum Place {
-    /// In a shape.
+    /// The colliders that overlap a shape at a pose.
     Shape(ShapeHash, WorldPose),
-    /// Around a point of world space, metres.
+    /// The colliders that contain a point in world space, metres.
     Point([f64; 3]),
-    /// With its own box at this one, which may be infinite.
+    /// The colliders whose own box touches this box, which may be infinite.
     Box(Bounds),
 }
 
 /// The filter of a single ray, cast or overlap; the default lets everything be found.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct PartFilter {
-    /// Finds only colliders that are members of one of these groups.
+    /// The groups: only colliders that are members of one of them are found.
     pub mask: u32,
-    /// A body that it ignores, for example the one that asks.
+    /// A body that is left out, for example the one on whose behalf the query is made.
     pub exclude: Option<BodyId>,
 }
 
 impl PartFilter {
-    /// Ignores one body.
+    /// Makes a filter that leaves out one body.
     #[must_use]
     pub fn excluding(body: BodyId) -> Self {
         Self { exclude: Some(body), ..Self::default() }
@@ -142,21 +148,21 @@ impl Query {
         Self { number: 0, filter: FilterRecord::default(), shapes: Vec::new(), parts }
     }
 
-    /// Asks for the first hit of each ray.
+    /// Makes a query for the first hit of each ray.
     #[must_use]
     pub fn rays(rays: impl IntoIterator<Item = RayQuery>) -> Self {
         Self::of(QueryParts::Rays(rays.into_iter().collect()))
     }
 
-    /// Asks for the colliders at each place. A [`Place::Shape`] is one of `shapes`, which is filled in by the caller;
-    /// [`Query::intersect_shape`] asks about one shape.
+    /// Makes a query for the colliders at each place. A [`Place::Shape`] names one of `shapes`, which the
+    /// caller fills in; [`Query::intersect_shape`] makes a query about one shape.
     #[must_use]
     pub fn overlaps(places: impl IntoIterator<Item = Place>) -> Self {
         let overlap = |place| OverlapQuery { place, filter: PartFilter::default() };
         Self::of(QueryParts::Overlaps(places.into_iter().map(overlap).collect()))
     }
 
-    /// Returns the cost of answering it, in rays.
+    /// Returns the cost of answering the query, in rays.
     #[doc(hidden)]
     pub fn cost(&self) -> usize {
         let of = |place: &Place| if matches!(place, Place::Shape(..)) { SHAPE_COST } else { 1 };
@@ -169,7 +175,7 @@ impl Query {
         }
     }
 
-    /// Returns whether it is short enough to be sent.
+    /// Returns whether the query is short enough to be sent.
     #[doc(hidden)]
     pub fn fits(&self) -> bool {
         encoded_len(self) <= MAX_QUERY_BYTES
@@ -177,19 +183,19 @@ impl Query {
 }
 
 impl RayQuery {
-    /// Makes a ray without end that is solid and finds everything.
+    /// Makes a ray of infinite length that is solid and finds everything.
     #[must_use]
     pub fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, max_m: f64::INFINITY, solid: true, filter: PartFilter::default() }
     }
 
-    /// Ends the ray after so many metres.
+    /// Returns the same ray with this length, metres.
     #[must_use]
     pub fn up_to(self, max_m: f64) -> Self {
         Self { max_m, ..self }
     }
 
-    /// Ignores one body, for example the one that asks.
+    /// Returns the same ray that leaves out one body, for example the one on whose behalf the query is made.
     #[must_use]
     pub fn excluding(self, body: BodyId) -> Self {
         Self { filter: PartFilter { exclude: Some(body), ..self.filter }, ..self }
@@ -208,71 +214,71 @@ impl QueryParts {
     }
 }
 
-/// The hit of a ray.
+/// The hit of a ray of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct RayAnswer {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: u32,
-    /// Where, in world space, metres.
+    /// The point of the hit in world space, metres.
     pub point: [f64; 3],
-    /// Outward unit normal there; zero where the ray starts inside.
+    /// The outward unit normal there; zero where the ray starts inside.
     pub normal: [f32; 3],
-    /// From the origin, metres.
+    /// The distance from the origin of the ray, metres.
     pub distance_m: f64,
-    /// Part of a compound, triangle of a mesh.
+    /// The part of a compound, or the triangle of a mesh.
     pub subshape: u32,
 }
 
-/// The hit of a moving shape.
+/// The hit of a moving shape of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct CastAnswer {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: u32,
-    /// How much of its way the shape came, 0 to 1.
+    /// The part of its way that the shape had gone, 0 to 1.
     pub fraction: f32,
-    /// Where on the body, in world space, metres.
+    /// The point of the hit on the body, in world space, metres.
     pub point: [f64; 3],
-    /// Outward unit normal of the body there.
+    /// The outward unit normal of the body there.
     pub normal: [f32; 3],
-    /// Where on the shape, in its own space, metres.
+    /// The point of the hit on the shape, in the shape's own space, metres.
     pub point_on_shape: [f32; 3],
-    /// Outward unit normal of the shape there, in its own space.
+    /// The outward unit normal of the shape there, in the shape's own space.
     pub normal_on_shape: [f32; 3],
-    /// Part of a compound, triangle of a mesh.
+    /// The part of a compound, or the triangle of a mesh.
     pub subshape: u32,
-    /// Whether it overlapped the body at the start.
+    /// Whether the shape overlapped the body at the start.
     pub inside: bool,
 }
 
 /// A collider at the place of an overlap query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub struct Overlap {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: u32,
 }
 
 /// The result of a query, in the order of its parts.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum QueryResult {
-    /// None where the ray met nothing.
+    /// The first hit of each ray; `None` where the ray met nothing.
     Rays(Vec<Option<RayAnswer>>),
-    /// None where the shape met nothing.
+    /// The first hit of each shape; `None` where the shape met nothing.
     Casts(Vec<Option<CastAnswer>>),
-    /// By body and collider; at most [`MAX_FOUND`] in all.
+    /// The colliders at each place, by body and collider; at most [`MAX_FOUND`] (4,096) in all.
     Overlaps(Vec<Vec<Overlap>>),
-    /// More overlaps than [`MAX_FOUND`].
+    /// There were more overlaps than [`MAX_FOUND`].
     TooMuch,
 }
 
 impl QueryResult {
-    /// Merges what others found for the same question: the nearest hit counts, and of equally near ones that of the lowest id.
-    /// Returns whether both answer the same question.
+    /// Merges what others found for the same query. The nearest hit counts; of equally near ones, that of the
+    /// lowest id. Returns whether both answer the same query.
     #[doc(hidden)]
     pub fn join(&mut self, other: Self) -> bool {
         match (&mut *self, other) {
@@ -285,7 +291,7 @@ impl QueryResult {
             (Self::Overlaps(ours), Self::Overlaps(theirs)) if ours.len() == theirs.len() => {
                 for (ours, theirs) in ours.iter_mut().zip(theirs) {
                     ours.extend(theirs);
-                    // Several members hold the ground.
+                    // Several members hold the ground, and so find it.
                     ours.sort_unstable();
                     ours.dedup();
                 }
@@ -315,14 +321,14 @@ fn keep_first<T>(ours: &mut [Option<T>], theirs: Vec<Option<T>>, when: impl Fn(&
     }
 }
 
-/// The answer of one member's own bodies, after the tick that the question came with.
+/// The answer to a query from one member's own bodies, after the tick with which the query came.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Answer {
-    /// Whose question.
+    /// The client that asked.
     pub client: ClientId,
-    /// Which.
+    /// The number of the query.
     pub number: u64,
-    /// What it found.
+    /// The result.
     pub found: QueryResult,
 }
 
@@ -437,7 +443,7 @@ mod tests {
             Query { filter: FilterRecord { exclude, ..FilterRecord::default() }, ..rays(1) }
         };
         assert!(is_right(overlooking(MAX_COST)) && !is_right(overlooking(MAX_COST + 1)));
-        // Those with most to overlook are too long for one.
+        // Queries with the most to exclude are too long for a frame.
         let body = |index| BodyId::avatar(ClientId(u32::MAX), index);
         let ray = RayQuery { filter: PartFilter { exclude: Some(body(0)), ..RAY.filter }, ..RAY };
         let long = |count: usize| {

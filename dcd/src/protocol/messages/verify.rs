@@ -1,4 +1,5 @@
-//! Defines the messages by which what participants compute is computed once more by a dedicated leader, and compared.
+//! Defines the messages by which a dedicated leader computes once more what participants compute, and
+//! compares.
 
 use bincode::{Decode, Encode};
 
@@ -10,61 +11,63 @@ use crate::space::{BodyId, NodeId, RegionId, Tick};
 /// A participant whose regions the leader computes once more.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Verified {
-    /// Which.
+    /// The participant.
     pub node: NodeId,
-    /// Whether it begins with the view: it has kept nothing of any before.
+    /// Whether it begins with the view, and so has kept nothing of an earlier one.
     pub anew: bool,
-    /// The bodies that it is told to let go of. To the leader alone.
+    /// The bodies that it is told to let go of. Sent to the leader alone.
     pub drop: Vec<BodyId>,
 }
 
-/// What a member has taken in from others in one tick.
+/// What a member has taken in from other members in one tick.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Testimony {
-    /// In which view.
+    /// The view.
     pub view: ViewNumber,
-    /// In which tick.
+    /// The tick.
     pub tick: Tick,
-    /// What it took in, in order of rounds.
+    /// The border messages, in order of rounds.
     pub heard: Vec<HeardBorder>,
 }
 
 /// A border message that a member has taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct HeardBorder {
-    /// In which exchange of the tick, from 0.
+    /// The exchange of the tick, from 0.
     pub round: u32,
-    /// Whose it was.
+    /// The sender.
     pub from: NodeId,
-    /// [`Border::digest`] of it.
+    /// The [`Border::digest`] of the message.
     pub digest: u64,
 }
 
 /// What the leader has found out about a participant whose regions it computes once more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Finding {
-    /// It computed this region otherwise, or says otherwise than dedicated nodes what they told one another.
+    /// The participant computed this region otherwise than the leader, or says otherwise than dedicated nodes
+    /// what they told one another.
     Deviates(RegionId),
-    /// It and another participant contradict each other about what one told the other: one of them lies. It is verified on, as long as
-    /// what it was told is known.
+    /// The participant and this one contradict each other about what one told the other, so one of them lies.
+    /// Verification goes on, as long as it is known what the participant was told.
     Contradicts(NodeId),
-    /// It cannot be verified any longer.
+    /// The participant cannot be verified any longer.
     GivenUp(Hindrance),
 }
 
-/// Why a participant cannot be verified any longer.
+/// The reason why a participant cannot be verified any longer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Hindrance {
-    /// What others told it is not known.
+    /// It is not known what others told the participant.
     Unknown,
-    /// It is too much for the leader to compute: it was too far behind the world.
+    /// Verification is too much for the leader to compute: it fell too far behind the world.
     Behind,
     /// No dedicated node leads any more.
     Unled,
 }
 
 impl Border {
-    /// Returns the first 64 bits of BLAKE3 over all that it says: nobody finds another message with the same.
+    /// Returns the first 64 bits of BLAKE3 over the whole message. Nobody finds another message with the same
+    /// digest.
     pub fn digest(&self) -> u64 {
         let mut first = [0; 8];
         first.copy_from_slice(&blake3::hash(&encode_value(self)).as_bytes()[..8]);

@@ -5,15 +5,16 @@ use crate::fidelity::{Audited, COARSEST, FidelityReport, RegionState, Schedule, 
 use crate::protocol::*;
 use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS, Viewpoint};
 
-/// The longest time that a step of a region is said to take, milliseconds; the most bodies awake in one; the largest error and cost of an audit.
+/// The bounds of what a region's state may say: the longest time of a step, milliseconds; the most awake
+/// bodies; the largest error and cost of an audit.
 const MOST_MS: f32 = 1e6;
 const MOST_AWAKE: u32 = 1 << 24;
 const MOST_FOUND: f32 = 1e6;
 
-/// The highest level of cells.
+/// The highest level of the cells in which avatars are.
 const MOST_LEVEL: i64 = 30;
 
-/// The most border messages that a member takes in in one tick: of a thousand others in 64 rounds.
+/// The most border messages that a member takes in in one tick: those of a thousand others in 64 rounds.
 const MOST_HEARD: usize = 1 << 16;
 
 impl Check for EnvironmentProperties {
@@ -65,12 +66,12 @@ impl Check for View {
     }
 }
 
-/// Checks that a world can be looked at from there.
+/// Checks that a world can be looked at from these viewpoints.
 fn fit(viewpoints: &[Viewpoint], what: &'static str) -> Result<(), Invalid> {
     must(viewpoints.iter().all(Viewpoint::is_fit), what, "finite, no radius negative")
 }
 
-/// Checks a tree, and that its regions are allocated.
+/// Checks a tree, and that exactly its regions are allocated.
 fn suits(allocation: &Allocation, tree: &DistributionTree) -> Result<(), Invalid> {
     must(tree.is_sound(), "tree", "connected, cut inside its cells and within its limits")?;
     must(allocation.keys().copied().eq(tree.leaves()), "allocation", "of the tree's regions")
@@ -119,7 +120,7 @@ impl Check for WorldOp {
                 all(shapes)?;
                 all(joints)
             }
-            // Who applies it checks it against the tree.
+            // The member that applies it checks it against the tree.
             Self::Remove(_) | Self::RemoveJoint(_) | Self::ForgetShapes(_) | Self::Repartition(_) => Ok(()),
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
@@ -155,7 +156,7 @@ impl Check for FidelityReport {
     fn check(&self) -> Result<(), Invalid> {
         let Self { error_m_s, low95_m_s, high95_m_s, share_of_full_time, .. } = *self;
         not_negative(&[error_m_s, low95_m_s, share_of_full_time as f32], "fidelity")?;
-        // Infinite before there are two audits.
+        // The upper end is infinite before there are two audits.
         must(high95_m_s >= 0.0, "fidelity.high95_m_s", "not negative")
     }
 }
@@ -455,7 +456,7 @@ impl Check for ToClient {
                 stamp.tick.check()?;
                 all(states)
             }
-            // Unpacked, and checked, by who takes them in.
+            // The process that takes the states in unpacks and checks them.
             Self::CompactStates { stamp, .. } => stamp.tick.check(),
             Self::Answer { found, .. } => found.check(),
             Self::Contacts { tick, touches, forces } => {

@@ -1,11 +1,12 @@
-//! Generates the random numbers of scenes: the same on every machine and for every version of our dependencies.
+//! Generates the random numbers of scenes: the same on every machine and with every version of our
+//! dependencies.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rapier3d::prelude::{Rotation, Vector};
 
-/// A seeded source of the few distributions that scenes need. Floats are made here rather than by `rand`, whose
-/// sampling may change from one version to the next.
+/// A seeded source of the few distributions that scenes need. Floats are made here rather than by `rand`,
+/// whose sampling may change from one version to the next.
 pub(crate) struct Dice(ChaCha8Rng);
 
 impl Dice {
@@ -19,7 +20,7 @@ impl Dice {
         low + (high - low) * unit
     }
 
-    /// Returns a point uniform in a cube of this half edge.
+    /// Returns a point uniform in a cube of this half edge around the origin.
     pub(crate) fn in_cube(&mut self, half: f32) -> Vector {
         Vector::new(self.between(-half, half), self.between(-half, half), self.between(-half, half))
     }

@@ -1,24 +1,24 @@
-//! Defines the errors of scenes.
+//! Defines the error of scenes.
 
 use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// The reason why a scene could not be made. Each message names the cause and the remedy.
+/// The error of a scene that cannot be made. Each message names the cause and the remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SceneError {
-    /// No scene of the library has this name.
+    /// The library has no scene of this name.
     #[error(
         "there is no scene `{name}`{}; the library has {known}; a scene file's path ends in `.toml`, `.xml`, `.mjcf` or `.urdf`",
         hint(nearest)
     )]
     UnknownScene {
-        /// What was asked for.
+        /// The name asked for.
         name: String,
-        /// The name most like it, when one is like it.
+        /// The most similar name, if one is similar.
         nearest: Option<&'static str>,
-        /// All names.
+        /// All names of the library.
         known: String,
     },
     /// The scene has no such parameter.
@@ -26,23 +26,23 @@ pub enum SceneError {
     UnknownParam {
         /// The scene.
         scene: String,
-        /// What was given.
+        /// The name of the parameter.
         name: String,
-        /// The name most like it, when one is like it.
+        /// The most similar name, if one is similar.
         nearest: Option<&'static str>,
         /// All parameters with defaults and ranges.
         known: String,
     },
-    /// A parameter's value does not fit.
+    /// A parameter's value is out of range.
     #[error("scene `{scene}`: `{name}={value}` is not {expected}; the parameters are:\n{known}")]
     BadParam {
         /// The scene.
         scene: String,
         /// The parameter.
         name: String,
-        /// What was given.
+        /// The value.
         value: String,
-        /// What would fit.
+        /// The values that are allowed.
         expected: String,
         /// All parameters with defaults and ranges.
         known: String,
@@ -55,19 +55,19 @@ pub enum SceneError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's reason.
         source: std::io::Error,
     },
-    /// The file's content is wrong.
+    /// The file's content is not a valid scene.
     #[error("{}{}: {cause}; {remedy}", path.display(), at(line))]
     File {
         /// The file.
         path: PathBuf,
-        /// Counted from 1, when known.
+        /// The line, counted from 1, if it is known.
         line: Option<usize>,
         /// What is wrong.
         cause: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
     },
 }
@@ -80,13 +80,13 @@ fn at(line: &Option<usize>) -> String {
     line.map(|line| format!(":{line}")).unwrap_or_default()
 }
 
-/// Returns the name most like the given one, unless none is like it.
+/// Returns the known name that is most like the given one; `None` if none is like it.
 pub(crate) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let (distance, best) = known.map(|other| (edit_distance(name, other), other)).min()?;
     (distance <= best.len().max(name.len()) / 2).then_some(best)
 }
 
-/// Returns Levenshtein's distance: insertions, deletions and replacements of characters.
+/// Returns Levenshtein's distance of two texts: insertions, deletions and replacements of characters.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

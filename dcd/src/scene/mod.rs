@@ -1,8 +1,9 @@
-//! Builds scenes, the content of a world at its first tick: used by tests, benchmarks, the command line and the demo.
+//! Builds scenes, the content of a world at its first tick, for tests, benchmarks, the command line and the
+//! demo.
 //!
-//! A scene comes from the `library` (`tower`, `pile`, `gas` …, with parameters), from a TOML file (its format stands in
-//! `dcd/scenes/README.md`), or from an MJCF or URDF file (`dcd/scenes/models/README.md`). Body `i` of its list becomes
-//! [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
+//! A scene comes from the `library` (`tower`, `pile`, `gas` …, with parameters), from a TOML file (format:
+//! `dcd/scenes/README.md`), or from an MJCF or URDF file (`dcd/scenes/models/README.md`). Body `i` of its
+//! list becomes [`BodyId::persistent(i)`](crate::space::BodyId::persistent).
 
 mod bounded;
 mod dice;

@@ -1,4 +1,4 @@
-//! Defines a scene: bodies, joints and settings of a world before its first tick.
+//! Defines a scene: the bodies, joints and settings of a world before its first tick.
 
 use rapier3d::prelude::*;
 
@@ -7,83 +7,87 @@ use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, ins
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds, Viewpoint};
 
-/// A scene: the content of a world at its first tick, and how it is to be stepped.
+/// The content of a world at its first tick, and the settings by which it is to be stepped.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// For titles and results.
+    /// The name, for titles and results.
     pub name: String,
-    /// m/s².
+    /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Seconds per step.
+    /// The length of a tick, seconds.
     pub dt_s: f32,
-    /// The box that is divided into regions; bodies may leave it.
+    /// The box that is divided into regions, metres; bodies may leave it.
     pub bounds: Bounds,
-    /// Body `i` becomes `BodyId::persistent(i)`.
+    /// The bodies: body `i` becomes `BodyId::persistent(i)`.
     pub bodies: Vec<SceneBody>,
-    /// In order of insertion.
+    /// The joints, in order of insertion.
     pub joints: Vec<SceneJoint>,
-    /// Rapier's iterations per step.
+    /// The number of Rapier's solver iterations per tick.
     pub solver_iterations: usize,
-    /// The fastest that a dynamic body moves, m/s.
+    /// The speed limit of dynamic bodies, m/s.
     pub speed_limit_m_s: f32,
-    /// Number of regions that suits the scene, when it says so.
+    /// The number of regions that suits the scene, if it says so.
     pub regions: Option<usize>,
-    /// The first cuts, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
+    /// The first cuts, if the scene says so: an axis and a position on it in metres. Each cut divides all
+    /// regions that it meets.
     pub cuts: Vec<(Axis, f64)>,
-    /// Load balancing of regions, when the scene says so: in a world of one process, and in a served one.
+    /// The load balancing of regions, if the scene says so: in a local world, and in a served one.
     pub balance: Option<Balance>,
-    /// How much of it is computed in full.
+    /// How much of the world is computed in full.
     pub fidelity: Fidelity,
-    /// Where the scene is looked at from, when it says so.
+    /// The viewpoints from which the scene is looked at, if it says so.
     pub viewpoints: Vec<Viewpoint>,
     /// The coupling that the scene asks for.
     pub coupling: CouplingChoice,
-    /// Start of a client's avatar, when the scene says so.
+    /// The avatar of a client, if the scene says so.
     pub avatar: Option<AvatarHint>,
-    /// Differences from the scene's file, a line each: the feature, the names it concerns, what becomes of it.
+    /// Differences from the scene's file, one per line: the feature, the names it concerns, and what becomes
+    /// of it.
     pub warnings: Vec<String>,
 }
 
-/// A body and its colliders. The builder's own position is zero: `pose`, in f64, places the body.
+/// A body of a scene, with its colliders. The builder's own position is zero: `pose`, in f64, places the
+/// body.
 #[derive(Clone, Debug)]
 pub struct SceneBody {
-    /// Where the body starts.
+    /// The pose at which the body starts, in world space.
     pub pose: WorldPose,
-    /// Everything else of the body.
+    /// All other properties of the body.
     pub body: RigidBodyBuilder,
-    /// In order of insertion.
+    /// The colliders, in order of insertion.
     pub colliders: Vec<ColliderBuilder>,
 }
 
 /// A joint between two bodies of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneJoint {
-    /// Index of the first body.
+    /// The index of the first body.
     pub a: usize,
-    /// Index of the second body.
+    /// The index of the second body.
     pub b: usize,
-    /// Frames, limits, motors.
+    /// The frames, limits and motors.
     pub joint: GenericJoint,
-    /// The second body is a link of the first one's multibody (reduced coordinates), with these settings; without, impulses tie
-    /// them. Links start where their bodies' poses have them along the axes that are free, and at rest.
+    /// The settings of a multibody joint: the second body is a link of the first one's multibody (reduced
+    /// coordinates). `None`: impulses tie the bodies. Links start at rest, and along the free axes where
+    /// their bodies' poses have them.
     pub multibody: Option<LinkSettings>,
 }
 
-/// A box that a client may drive through the scene.
+/// A box that a client may drive through the scene as its avatar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AvatarHint {
-    /// Where it starts.
+    /// The pose at which the box starts, in world space.
     pub pose: WorldPose,
-    /// Half edges of its box, metres.
+    /// Half of the edges of the box, metres.
     pub half_size_m: [f32; 3],
-    /// Kilograms.
+    /// The mass, kilograms.
     pub mass_kg: f32,
-    /// The velocity it tries to keep, m/s.
+    /// The velocity that the box tries to keep, m/s.
     pub drive_m_s: [f32; 3],
 }
 
 impl Scene {
-    /// Returns how the scene asks to be stepped; what it does not say is the default.
+    /// Returns the step settings that the scene asks for; what it does not say is the default.
     pub fn step_settings(&self) -> StepSettings {
         self.coupling.applied_to(StepSettings {
             gravity: self.gravity,
@@ -93,9 +97,10 @@ impl Scene {
         })
     }
 
-    /// Builds one plain Rapier world with the same bodies in the same order, the same dt and iterations: the reference that a
-    /// partitioned run is compared with. Positions are rounded to f32. It has one thread: with the feature `parallel` a pool of its
-    /// own, without which Rapier would spread over rayon's global pool; `set_thread_pool` gives it another.
+    /// Builds one plain Rapier world with the same bodies in the same order, the same dt and iterations: the
+    /// reference with which a partitioned run is compared. Positions are rounded to f32. It has one thread.
+    /// With the feature `parallel` it has a pool of its own, since otherwise Rapier would use rayon's global
+    /// pool; `set_thread_pool` gives it another.
     pub fn bare_world(&self) -> PhysicsWorld {
         let mut world = PhysicsWorld { gravity: Vector::from(self.gravity), ..PhysicsWorld::new() };
         #[cfg(feature = "parallel")]
@@ -130,9 +135,9 @@ impl Scene {
         world
     }
 
-    /// Returns a joint's link in a multibody, if it is to be one.
+    /// Returns the link of a joint that is to be a multibody joint; `None` for an impulse joint.
     pub(super) fn link_record(&self, joint: &SceneJoint) -> Option<LinkRecord> {
-        /// Metres or radians: rounding alone is no motion.
+        /// The displacement along a free axis, metres or radians, up to which it is rounding and no motion.
         const STRAY: f32 = 1e-4;
         let link = joint.multibody?.record();
         let [a, b] = [joint.a, joint.b].map(|body| self.bodies[body].pose);
@@ -142,7 +147,8 @@ impl Scene {
         Some(LinkRecord { motion: moved.then_some(motion), ..link })
     }
 
-    /// Returns a scene without bodies, to be filled: Earth's gravity, 60 steps per second, Rapier's 4 iterations.
+    /// Returns a scene without bodies, to be filled: Earth's gravity, 60 ticks per second, Rapier's 4
+    /// iterations.
     #[must_use]
     pub fn empty(name: &str) -> Self {
         Self {
@@ -178,7 +184,8 @@ impl Scene {
         self.push(WorldPose::at(centre), RigidBodyBuilder::fixed(), collider);
     }
 
-    /// Returns the AABB of all bodies that can move, or of all finite ones if none can.
+    /// Returns the AABB of all finite bodies that can move, or of all finite bodies if none can; `None` if
+    /// there is none.
     pub fn tight_bounds(&self) -> Option<Bounds> {
         let around = |bodies: &mut dyn Iterator<Item = &SceneBody>| {
             bodies.map(SceneBody::bounds).filter(Bounds::is_finite).reduce(|a, b| a.union(&b))
@@ -189,7 +196,8 @@ impl Scene {
 }
 
 impl SceneBody {
-    /// Returns the AABB of its colliders where it starts; its position alone without colliders, infinite for a half-space.
+    /// Returns the AABB of the body's colliders where it starts: the position alone if it has no colliders,
+    /// infinite for a half-space.
     pub fn bounds(&self) -> Bounds {
         let turn = Pose::from_rotation(rotation(&self.pose));
         let at = self.pose.translation;
@@ -207,7 +215,7 @@ impl SceneBody {
     }
 }
 
-/// Widens to infinity: Parry's half-space spans half of f32's range.
+/// Returns a coordinate of an AABB, infinite beyond 1e30: Parry's half-space spans half of f32's range.
 fn far(v: f32) -> f64 {
     if v.abs() > 1e30 { f64::INFINITY.copysign(v.into()) } else { v.into() }
 }
@@ -217,7 +225,7 @@ pub(crate) fn bare_pose(pose: &WorldPose) -> Pose {
     Pose::from_parts(Vector::from(pose.translation.map(|v| v as f32)), rotation(pose))
 }
 
-/// Returns an f32 position and rotation as a pose of the world.
+/// Returns a world pose of an f64 position and an f32 rotation.
 pub(crate) fn world_pose(translation: [f64; 3], rotation: Rotation) -> WorldPose {
     WorldPose { translation, rotation: rotation.to_array() }
 }

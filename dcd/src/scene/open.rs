@@ -8,13 +8,15 @@ use super::{Params, Scene, SceneError, file, library};
 const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
 
 impl Scene {
-    /// Builds a scene of the [`library`](super::library()).
+    /// Builds a scene of the [`library`](super::library()). Returns an error if there is no such scene or
+    /// parameter, or a value is out of range.
     pub fn named(name: &str, params: &Params) -> Result<Self, SceneError> {
         library::build(name, params)
     }
 
-    /// Loads a scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML otherwise. Parameters of a TOML
-    /// file are those of the library scene that it starts from, if it does; all model files have the same.
+    /// Loads a scene file: MJCF (`.xml`, `.mjcf`) or URDF (`.urdf`) with the feature `models`, TOML
+    /// otherwise. A TOML file that starts from a scene of the library takes that scene's parameters. All
+    /// model files take the same parameters.
     pub fn load(path: impl AsRef<Path>, params: &Params) -> Result<Self, SceneError> {
         let path = path.as_ref();
         #[cfg(feature = "models")]
@@ -33,7 +35,8 @@ impl Scene {
         file::load(path, params)
     }
 
-    /// Opens a file if the text ends as scene files do or such a file exists, else a scene of the library.
+    /// Opens a scene: a file if the text ends like the name of a scene file or such a file exists, otherwise
+    /// a scene of the library.
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
         let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));

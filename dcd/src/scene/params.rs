@@ -1,4 +1,5 @@
-//! Parses parameters of scenes: given as `name=value`, described by tables, so that help texts and errors cannot go stale.
+//! Parses the parameters of scenes, given as `name=value`. Tables describe them, so that help texts and
+//! errors cannot go stale.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -6,7 +7,7 @@ use std::fmt;
 use super::SceneError;
 use super::error::nearest;
 
-/// Parameters as the user gives them: names and values as text, in order of name.
+/// The parameters of a scene as the user gives them: names and values as text, in order of name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Params(BTreeMap<String, String>);
 
@@ -57,13 +58,14 @@ pub(super) const fn number(
 }
 
 impl Params {
-    /// Returns no parameters: defaults everywhere.
+    /// Returns an empty set of parameters: the scene's defaults.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Parses arguments of a command line, each `name=value`; a later one wins.
+    /// Parses arguments of a command line, each `name=value`; a later one wins. Returns an error for an
+    /// argument without `=` or without a name.
     pub fn from_args(args: impl IntoIterator<Item = impl AsRef<str>>) -> Result<Self, SceneError> {
         let mut params = Self::new();
         for arg in args {
@@ -76,20 +78,20 @@ impl Params {
         Ok(params)
     }
 
-    /// Returns these and one more (or one changed).
+    /// Returns these parameters with one added or changed.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl fmt::Display) -> Self {
         self.set(name, value);
         self
     }
 
-    /// Sets one value.
+    /// Sets the value of one parameter.
     pub fn set(&mut self, name: &str, value: impl fmt::Display) -> &mut Self {
         self.0.insert(name.to_owned(), value.to_string());
         self
     }
 
-    /// Returns whether nothing is given.
+    /// Returns whether no parameter is given.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -137,7 +139,7 @@ enum Value {
 }
 
 impl Values {
-    /// Checks what the user gave against the scene's table.
+    /// Checks the parameters that the user gave against the scene's table, and adds the defaults.
     pub(crate) fn parse(
         scene: &'static str,
         infos: &'static [ParamInfo],
@@ -162,12 +164,12 @@ impl Values {
         Ok(checked)
     }
 
-    /// Returns a whole number.
+    /// Returns the value of a parameter that is a whole number.
     pub(crate) fn count(&self, name: &str) -> usize {
         self.seed(name) as usize
     }
 
-    /// Returns a whole number of 64 bits.
+    /// Returns the value of a parameter that is a whole number, in 64 bits.
     pub(crate) fn seed(&self, name: &str) -> u64 {
         match self.values[name] {
             Value::Count(value) => value,
@@ -175,7 +177,7 @@ impl Values {
         }
     }
 
-    /// Returns a decimal number.
+    /// Returns the value of a parameter that is a decimal number.
     pub(crate) fn number(&self, name: &str) -> f32 {
         match self.values[name] {
             Value::Number(value) => value as f32,

@@ -14,21 +14,24 @@ use crate::physics::query::{BodyFilter, ShapeHit, check_pose, check_vector};
 use crate::protocol::WorldPose;
 use crate::space::{BodyId, Bounds};
 
-/// The margin around a character's reach in which bodies are gathered, metres: what carries it may carry it on.
+/// The margin around a character's reach in which bodies are gathered, metres. A body that carries the
+/// character may carry it farther than it moves by itself.
 const SLACK_M: f32 = 1.0;
 
-/// A character and its desired movement in one tick.
+/// A character and its desired movement in one tick, for
+/// [`World::move_character`](crate::World::move_character).
 #[derive(Clone, Copy)]
 pub struct CharacterMove<'a> {
-    /// Rapier's controller: how it climbs, slides and keeps to the ground.
+    /// Rapier's controller, which says how the character climbs, slides and keeps to the ground.
     pub controller: &'a KinematicCharacterController,
-    /// Its shape.
+    /// The character's shape.
     pub shape: &'a dyn Shape,
-    /// Where it stands.
+    /// The character's pose in world space.
     pub pose: WorldPose,
-    /// Where it wants to go from there within the tick, metres.
+    /// The way that the character wants to go within the tick, metres.
     pub desired_m: [f32; 3],
-    /// The bodies that it can collide with. If the character is a body of the world, exclude it here.
+    /// The bodies with which the character can collide. If the character is a body of the world, exclude it
+    /// here.
     pub filter: BodyFilter<'a>,
 }
 
@@ -42,17 +45,17 @@ impl std::fmt::Debug for CharacterMove<'_> {
     }
 }
 
-/// A collision of a character with a collider.
+/// A collision of a moving character with a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CharacterHit {
-    /// Where the character stood then.
+    /// The character's pose at the collision, in world space.
     pub pose: WorldPose,
-    /// How far it had come, metres.
+    /// The way that the character had gone by then, metres.
     pub applied_m: [f32; 3],
-    /// How far it still wanted to go, metres.
+    /// The way that it still wanted to go, metres.
     pub remaining_m: [f32; 3],
-    /// What it met, and where.
+    /// The collider that it met, and where.
     pub hit: ShapeHit,
 }
 
@@ -62,7 +65,7 @@ impl CharacterMove<'_> {
         Ok(check_vector(self.desired_m, "character's desired movement")?)
     }
 
-    /// Returns the box in which the controller looks for bodies.
+    /// Returns the box in which the controller looks for bodies, in world space.
     fn bounds(&self) -> Bounds {
         let turn = Pose::from_rotation(convert::rotation(self.pose.rotation));
         let around = self.shape.compute_aabb(&turn);

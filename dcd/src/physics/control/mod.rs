@@ -1,8 +1,8 @@
 //! Runs Rapier's controllers in a partitioned world: characters that walk, vehicles that drive.
 //!
-//! They ask one Rapier world what is around them, and no region has all of it. So they are shown a *neighbourhood*: a
-//! small Rapier world of whole bodies as their owners have them, from all regions. What a controller does to the bodies in
-//! it is then done to the real ones.
+//! A controller asks one Rapier world what is around it, but no region holds all of that. So dcd gathers a
+//! *neighbourhood* for the controller: a small Rapier world of whole bodies from all regions, each as its
+//! owner has it. What the controller does to bodies there is then done to the real ones.
 
 mod character;
 mod vehicle;
@@ -20,20 +20,20 @@ use super::query::{BodyFilter, QueryError};
 use super::{convert, record};
 use crate::space::{BodyId, Bounds};
 
-/// An error of a controller.
+/// The error of a character or vehicle controller.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ControlError {
     /// A pose or a desired movement is not valid.
     #[error(transparent)]
     Query(#[from] QueryError),
-    /// A body around it cannot be built.
+    /// A body near the character or vehicle cannot be built.
     #[error(transparent)]
     Host(#[from] HostError),
-    /// A character must weigh something to push.
+    /// A character that pushes must have a mass above 0.
     #[error("a character of {0} kg cannot push; give it a mass above 0")]
     Mass(f32),
-    /// No such body.
+    /// The chassis is no dynamic body of the world.
     #[error("{0} is no movable body of this world; a vehicle needs a dynamic chassis that is in the world")]
     NoChassis(BodyId),
 }
@@ -44,12 +44,13 @@ struct Neighbourhood {
     world: PhysicsWorld,
     names: HashMap<ColliderHandle, ColliderId>,
     bodies: BTreeMap<BodyId, RigidBodyHandle>,
-    /// What the filter lets be found; the others only give their bodies their mass.
+    /// The colliders that the controller may find. The others only give their bodies mass.
     found: BTreeSet<ColliderId>,
 }
 
 impl Neighbourhood {
-    /// Gathers the bodies with colliders near a box that the filter lets through, and one more that is not to be found.
+    /// Gathers the bodies with colliders near a box that the filter lets through. The body `hidden` is added,
+    /// but the controller does not find it.
     fn gather(
         host: &RegionHost,
         bounds: &Bounds,
@@ -92,12 +93,12 @@ impl Neighbourhood {
         Ok(())
     }
 
-    /// Returns the query pipeline over what a controller may find.
+    /// Returns the query pipeline over the colliders that a controller may find.
     fn pipeline(&self) -> QueryPipeline<'_> {
         self.world.query_pipeline()
     }
 
-    /// Returns the same for a controller that pushes.
+    /// Returns the same query pipeline for a controller that pushes bodies.
     fn pipeline_mut(&mut self) -> QueryPipelineMut<'_> {
         let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = &mut self.world;
         broad_phase.as_query_pipeline_mut(

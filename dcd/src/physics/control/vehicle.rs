@@ -11,11 +11,12 @@ use crate::physics::host::RegionHost;
 use crate::physics::query::BodyFilter;
 use crate::space::{BodyId, Bounds};
 
-/// Rapier's `DynamicRayCastVehicleController` on a body of a partitioned world.
+/// Rapier's `DynamicRayCastVehicleController` for a body of a local world, updated by
+/// [`World::update_vehicle`](crate::World::update_vehicle).
 pub struct VehicleController {
     chassis: BodyId,
-    /// Wheels, axes, engine, brakes and steering. Its chassis is filled in by each update, and what it says of places in world
-    /// space is relative to [`VehicleController::anchor`].
+    /// Rapier's controller: wheels, axes, engine, brakes and steering. Each update sets its chassis. Its
+    /// places in world space are relative to [`VehicleController::anchor`].
     pub controller: DynamicRayCastVehicleController,
     anchor: [f64; 3],
     grounds: Vec<Option<ColliderId>>,
@@ -32,7 +33,7 @@ impl std::fmt::Debug for VehicleController {
 }
 
 impl VehicleController {
-    /// Creates a vehicle without wheels: add them by `controller.add_wheel`.
+    /// Makes a vehicle without wheels on a chassis; add wheels by `controller.add_wheel`.
     #[must_use]
     pub fn new(chassis: BodyId) -> Self {
         Self {
@@ -43,22 +44,23 @@ impl VehicleController {
         }
     }
 
-    /// Returns the body that it drives.
+    /// Returns the chassis: the body that the controller drives.
     pub fn chassis(&self) -> BodyId {
         self.chassis
     }
 
-    /// Returns the origin (anchor) of its controller's space in the last update, in world space.
+    /// Returns the origin (anchor) of the controller's space in the last update, in world space, metres.
     pub fn anchor(&self) -> [f64; 3] {
         self.anchor
     }
 
-    /// Returns the centre of a wheel as of the last update, in world space; `None` if there is no such wheel.
+    /// Returns the centre of a wheel as of the last update, in world space, metres; `None` if there is no
+    /// such wheel.
     pub fn wheel_centre(&self, wheel: usize) -> Option<[f64; 3]> {
         Some(convert::world_point(self.anchor, self.controller.wheels().get(wheel)?.center()))
     }
 
-    /// Returns the collider that a wheel stood on in the last update.
+    /// Returns the collider on which a wheel stood in the last update; `None` if it stood on none.
     pub fn ground(&self, wheel: usize) -> Option<ColliderId> {
         self.grounds.get(wheel).copied().flatten()
     }
@@ -99,7 +101,7 @@ impl RegionHost {
     }
 }
 
-/// Returns the AABB of all that the ray of a wheel may hit.
+/// Returns a box around all that the ray of a wheel may hit, in region space.
 fn ray_box(wheel: &Wheel, chassis: &Pose) -> Aabb {
     let from = chassis * wheel.chassis_connection_point_cs;
     let to = from + chassis.rotation * wheel.direction_cs * (wheel.suspension_rest_length + wheel.radius);

@@ -8,31 +8,33 @@ use crate::physics::host::RegionHost;
 use crate::physics::query::QueryError;
 use crate::protocol::{Push, WorldPose};
 
-/// An explosion: an impulse away from a place on all dynamic bodies near it, by how large they look from there. So of two bodies of one
-/// size the lighter flies off faster. Walls give no shelter.
+/// An explosion: an impulse on all dynamic bodies near a place, away from it, in proportion to how large they
+/// look from there. Of two bodies of one size the lighter one thus flies off faster. Walls give no shelter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Explosion {
-    /// Where, in world space, metres.
+    /// The centre in world space, metres; finite.
     pub centre: [f64; 3],
-    /// Up to where it has its full strength, metres: to the nearest point of a collider.
+    /// The distance up to which the explosion has its full strength, metres, 0 or more, to the nearest point
+    /// of a collider.
     pub radius_m: f32,
-    /// How far beyond it weakens, linearly down to nothing, metres.
+    /// The distance beyond `radius_m` over which the strength falls off linearly to nothing, metres, 0 or
+    /// more.
     pub falloff_m: f32,
-    /// The impulse per area of a collider's silhouette, N s/m²; negative draws bodies in.
+    /// The impulse per area of a collider's silhouette, N s/m², finite; negative draws bodies in.
     pub impulse_ns_m2: f32,
-    /// Only colliders that are in one of these groups.
+    /// Only colliders that are in one of these groups are pushed.
     pub mask: u32,
 }
 
 impl Default for Explosion {
-    /// At the origin, 100 N s/m² within 5 m, down to nothing at 10 m.
+    /// Returns an explosion at the origin, of 100 N s/m² within 5 m, falling off to nothing at 10 m.
     fn default() -> Self {
         Self { centre: [0.0; 3], radius_m: 5.0, falloff_m: 5.0, impulse_ns_m2: 100.0, mask: u32::MAX }
     }
 }
 
 impl Explosion {
-    /// Returns what is out of range, and its range.
+    /// Returns the name and the range of a setting that is out of range; `None` if there is none.
     pub(crate) fn fault(&self) -> Option<(&'static str, &'static str)> {
         let length = |v: f32| v.is_finite() && v >= 0.0;
         if !self.centre.iter().all(|v| v.is_finite()) {
@@ -53,7 +55,7 @@ impl Explosion {
 }
 
 impl RegionHost {
-    /// Returns the pushes of an explosion, by body.
+    /// Returns the pushes of an explosion, one per body.
     pub(crate) fn pushes_of_explosion(&self, explosion: &Explosion) -> Result<Vec<Push>, QueryError> {
         let reach = Ball::new(explosion.radius_m + explosion.falloff_m);
         let (at, meant) = (WorldPose::at(explosion.centre), is_in(explosion.mask));

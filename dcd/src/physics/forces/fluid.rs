@@ -1,4 +1,5 @@
-//! Computes the impulses of water and wind in one step: lift by what is displaced, and drag.
+//! Computes the impulses of a fluid (water, wind) on bodies in one step: buoyancy, drag, dynamic lift and
+//! damping.
 
 use rapier3d::prelude::*;
 
@@ -10,38 +11,49 @@ use crate::physics::query::QueryError;
 use crate::protocol::Push;
 use crate::space::Bounds;
 
-/// A fluid, water or air, that lifts and drags the dynamic bodies in it. What is in it is what has its box (AABB) touch `bounds`, and of
-/// that the part below the surface.
+/// A fluid, water or air, that lifts and drags the dynamic bodies in it. A body is in it if its box (AABB)
+/// touches `bounds`; of that body the part below the surface counts.
 ///
-/// Lift is the weight of the fluid that is displaced, at the centre of that volume (Archimedes). Drag, at the centre of mass, is ½ ρ c A v², by the
-/// silhouette A against the motion through the fluid. Faces at a slant are pushed aside (dynamic lift, of sails and falling leaves): the fluid presses on each
-/// face that is turned to it by ½ ρ l A v², by the shadow A of the face, against its normal, and of that counts what is across the flow. There is also a slowing down of motion and spin by `damping_per_s` times the mass displaced over
-/// the body's own. Neither ever turns a motion about, and dynamic lift never gives more speed across than there is along. The lift of what is displaced comes at once at the beginning of a step and weight over its substeps: between two
-/// steps what floats at rest has a velocity of up to half of g dt downwards, 0.08 m/s at 60 steps per second, and does not move.
+/// - **Buoyancy** is the weight of the displaced fluid, at the centre of the displaced volume (Archimedes).
+///   It acts at once at the beginning of a step, and weight over its substeps. Between two steps a floating
+///   body at rest thus has a velocity of up to half of g dt downwards, 0.08 m/s at 60 steps per second, and
+///   does not move.
+/// - **Drag** acts at the centre of mass: ½ ρ c A v², with the silhouette A against the motion through the
+///   fluid.
+/// - **Dynamic lift** pushes faces at a slant aside (sails, falling leaves). The fluid presses on each face
+///   that is turned to it by ½ ρ l A v², with the face's shadow A, against the face's normal. Only the part
+///   across the flow counts. It never gives more speed across the flow than there is along it.
+/// - **Damping** slows motion and spin down by `damping_per_s` times the displaced mass over the body's own.
 ///
-/// Terrain and flat meshes displace nothing and are left alone; the lift of an open mesh means nothing: close it. Of round shapes the border does not count, as in Rapier's masses.
+/// Drag and damping never reverse a motion.
+///
+/// Terrain and flat meshes displace nothing and are left alone. The lift of an open mesh means nothing: close
+/// it. The border of round shapes does not count, as in Rapier's masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fluid {
-    /// Where it is, in world space; may be infinite.
+    /// The box of the fluid in world space, metres; may be infinite.
     pub bounds: Bounds,
-    /// How high it stands, metres from the origin of world space against gravity (along +y without gravity); infinite where it fills its bounds.
+    /// The height of the surface, metres from the origin of world space against gravity (along +y without
+    /// gravity). Infinite where the fluid fills its bounds.
     pub surface_m: f64,
-    /// ρ, kg/m³.
+    /// The density ρ, kg/m³; 0 to 1,000,000.
     pub density_kg_m3: f32,
-    /// How it flows, or the wind blows, m/s.
+    /// The velocity of the fluid, or of the wind, m/s; finite.
     pub velocity_m_s: [f32; 3],
-    /// c, without unit: 0.5 for balls, 1 for boxes.
+    /// The drag coefficient c, without unit, 0 to 1,000,000: 0.5 for balls, 1 for boxes.
     pub drag: f32,
-    /// l, without unit: 1 for plates, 0 for none. What is alike on all sides has none.
+    /// The coefficient l of dynamic lift, without unit, 0 to 1,000,000: 1 for plates, 0 for none. A shape
+    /// that is the same on all sides has none.
     pub lift: f32,
-    /// How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s.
+    /// The further rate at which motion and spin die down, 1/s, 0 to 1,000,000, for a body as heavy as the
+    /// fluid that it displaces.
     pub damping_per_s: f32,
-    /// Only colliders that are in one of these groups.
+    /// Only colliders that are in one of these groups are pushed.
     pub mask: u32,
 }
 
 impl Default for Fluid {
-    /// Still water without end, up to the height of the origin.
+    /// Returns still water without end, up to the height of the origin.
     fn default() -> Self {
         Self {
             bounds: Bounds { min: [f64::NEG_INFINITY; 3], max: [f64::INFINITY; 3] },
@@ -57,7 +69,7 @@ impl Default for Fluid {
 }
 
 impl Fluid {
-    /// Returns what is out of range, and its range.
+    /// Returns the name and the range of a setting that is out of range; `None` if there is none.
     pub(crate) fn fault(&self) -> Option<(&'static str, &'static str)> {
         let positive = |v: f32| (0.0..=1e6).contains(&v);
         if !(0..3).all(|i| self.bounds.min[i] <= self.bounds.max[i]) {
@@ -73,8 +85,8 @@ impl Fluid {
         }
     }
 
-    /// Returns the part of a body that is in it, how large that looks to what flows against it along a direction, and where and how
-    /// much this presses it aside, m².
+    /// Returns the part of a body that is in the fluid, its silhouette against a flow along a direction, m²,
+    /// and the area by which this flow presses it aside, m², as a vector.
     fn holds(&self, target: &Target<'_>, up: Vector, along: Vector) -> (Volume, f32, Vector) {
         let centre_m: f64 = (0..3).map(|i| target.centre[i] * f64::from(up[i])).sum();
         let height_m = (self.surface_m - centre_m).clamp(-1e30, 1e30) as f32;
@@ -105,7 +117,8 @@ impl Fluid {
             return None;
         }
         let buoyancy = gravity * (-displaced_kg * dt_s);
-        // Both are taken at the end of the step, so that they end a motion at most.
+        // Drag and damping follow from the velocity at the end of the step, so that they end a motion at
+        // most.
         let damping_per_s = self.damping_per_s * displaced_kg / target.mass_kg;
         let drag_per_s = 0.5 * self.density_kg_m3 * self.drag * area_m2 * speed_m_s / target.mass_kg;
         let lost = |rate_per_s: f32| rate_per_s * dt_s / (1.0 + rate_per_s * dt_s);
@@ -120,7 +133,7 @@ impl Fluid {
 }
 
 impl Target<'_> {
-    /// Returns the angular momentum about the centre of mass.
+    /// Returns the angular momentum of the whole body about its centre of mass.
     fn spin(&self) -> Vector {
         let mass = &self.body.mass_properties().local_mprops;
         let axes = *self.body.rotation() * mass.principal_inertia_local_frame;
@@ -130,7 +143,7 @@ impl Target<'_> {
 }
 
 impl RegionHost {
-    /// Returns the pushes of a fluid in one step, by body.
+    /// Returns the pushes of a fluid in one step, one per body.
     pub(crate) fn pushes_of_fluid(&self, fluid: &Fluid) -> Result<Vec<Push>, QueryError> {
         let found = self.queries().intersect_aabb_conservative(&fluid.bounds, &solids(&is_in(fluid.mask)))?;
         Ok(Target::all(self, &found).iter().filter_map(|target| fluid.push(target, self)).collect())

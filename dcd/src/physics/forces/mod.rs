@@ -1,4 +1,5 @@
-//! Computes the pushes of what fills space, explosions, water and wind, on bodies that queries find: each body once, by its owner's copy.
+//! Computes the pushes of explosions and fluids (water, wind) on the bodies that queries find. Each body is
+//! pushed once, as its owner's copy has it.
 
 mod explosion;
 mod fluid;
@@ -16,31 +17,32 @@ use super::query::BodyFilter;
 use crate::protocol::Push;
 use crate::space::BodyId;
 
-/// Returns whether a collider is in one of these groups.
+/// Returns a predicate that tells whether a collider is in one of the groups of `mask`.
 fn is_in(mask: u32) -> impl Fn(BodyId, &Collider) -> bool {
     move |_, collider| collider.collision_groups().memberships.intersects(Group::from_bits_retain(mask))
 }
 
-/// What explosions and fluids find: solid colliders of dynamic bodies.
+/// Returns the filter of explosions and fluids: solid colliders of dynamic bodies that the predicate lets
+/// through.
 fn solids<'a>(predicate: &'a dyn Fn(BodyId, &Collider) -> bool) -> BodyFilter<'a> {
     let flags = QueryFilterFlags::ONLY_DYNAMIC | QueryFilterFlags::EXCLUDE_SENSORS;
     BodyFilter { flags, predicate: Some(predicate), ..BodyFilter::default() }
 }
 
-/// A body and those of its colliders that were found, along the axes of the world, about its centre of mass: so numbers are the same
-/// whatever region owns it.
+/// A body and those of its colliders that were found. Poses have the axes of world space and the body's
+/// centre of mass as origin, so that numbers are the same whichever region owns the body.
 struct Target<'a> {
     id: BodyId,
     body: &'a RigidBody,
     mass_kg: f32,
-    /// In how many parts the mass of the body is split.
+    /// The number of parts into which the mass of the body is split.
     share: f32,
     centre: [f64; 3],
     parts: Vec<(&'a Collider, Pose)>,
 }
 
 impl<'a> Target<'a> {
-    /// Returns the bodies of these colliders, which are in order.
+    /// Returns the bodies of these colliders, which are in order of ids.
     fn all(host: &'a RegionHost, found: &[ColliderId]) -> Vec<Self> {
         found.chunk_by(|a, b| a.body == b.body).filter_map(|parts| Self::of(host, parts)).collect()
     }
@@ -65,12 +67,13 @@ impl<'a> Target<'a> {
         Some(Self { id, body, mass_kg, share: mass_kg / body.mass(), centre, parts })
     }
 
-    /// Returns a point of the world as seen from the centre of mass.
+    /// Returns a point of world space relative to the centre of mass.
     fn local(&self, point: [f64; 3]) -> Vector {
         convert::region_point(self.centre, point)
     }
 
-    /// Returns the push by an impulse and an angular impulse, by which the body becomes no faster than `limit_m_s`.
+    /// Returns the push of an impulse and an angular impulse, scaled down so that it changes the body's speed
+    /// by at most `limit_m_s`; `None` if it is zero or not finite.
     fn push(&self, linear: Vector, angular: Vector, limit_m_s: f32) -> Option<Push> {
         let kick_m_s = linear.length() / self.mass_kg;
         let part = if kick_m_s > limit_m_s { limit_m_s / kick_m_s } else { 1.0 };

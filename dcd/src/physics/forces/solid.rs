@@ -1,8 +1,9 @@
-//! Measures solids for what flows around them: how large they look from a side, and how much of them lies below a plane.
+//! Measures shapes for explosions and fluids: their silhouettes, the area that presses them aside, and their
+//! volumes below a plane.
 
 use rapier3d::prelude::*;
 
-/// How many corners stand for a circle where a curved surface is measured by triangles.
+/// The number of corners that stand for a circle where a curved surface is measured by triangles.
 const SIDES: u32 = 24;
 
 /// A volume, m³, and its centre.
@@ -20,8 +21,8 @@ impl Volume {
     }
 }
 
-/// Returns the area of the shadow of a shape by light along a direction of length 1, m². Parts of a compound, and of what is not convex, that
-/// stand behind one another all count.
+/// Returns the area of a shape's shadow in light along a direction of length 1, m². Parts of a compound or of
+/// a shape that is not convex all count, even behind one another.
 pub(super) fn silhouette_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -> f32 {
     let local = pose.rotation.inverse() * direction;
     match shape.as_typed_shape() {
@@ -36,14 +37,15 @@ pub(super) fn silhouette_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -
                 let [a, b, c] = corners.map(|corner| points[corner as usize]);
                 0.5 * (b - a).cross(c - a).dot(local).abs()
             };
-            // Of a closed surface each ray meets two.
+            // A ray meets a closed surface twice.
             0.5 * triangles.iter().map(shadow).sum::<f32>()
         }
     }
 }
 
-/// Returns how a shape that moves along a direction of length 1 is pressed aside by what it moves through: of each face that is turned
-/// forwards its shadow, m², against its normal, and of the sum what is across the direction.
+/// Returns the area by which a fluid presses a shape aside, m², as a vector. The shape moves along
+/// `direction`, of length 1. The area is the sum over all faces turned forwards of the face's shadow, against
+/// its normal; of the sum only the part across the direction.
 pub(super) fn lift_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -> Vector {
     let local = pose.rotation.inverse() * direction;
     if let TypedShape::Compound(compound) = shape.as_typed_shape() {
@@ -60,7 +62,7 @@ pub(super) fn lift_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -> Vect
     pose.rotation * (pressed - local * pressed.dot(local))
 }
 
-/// Returns the volume of a shape; none of what has no inside.
+/// Returns the volume of a shape; zero for a shape without an inside.
 pub(super) fn volume(shape: &dyn Shape, pose: &Pose) -> Volume {
     let mass = shape.mass_properties(1.0);
     Volume { m3: mass.mass(), centre: *pose * mass.local_com }
@@ -78,7 +80,8 @@ pub(super) fn volume_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m:
     }
     match shape.as_typed_shape() {
         TypedShape::Ball(ball) => {
-            // A spherical cap of depth h: pi h² (3 r - h) / 3, its centre 3 (2 r - h)² / (4 (3 r - h)) below the ball's.
+            // A spherical cap of depth h has the volume pi h² (3 r - h) / 3. Its centre lies
+            // 3 (2 r - h)² / (4 (3 r - h)) below the ball's.
             let (r, h) = (ball.radius, ball.radius - above_m);
             let m3 = std::f32::consts::PI * h * h * (3.0 * r - h) / 3.0;
             let below_m = 0.75 * (2.0 * r - h).powi(2) / (3.0 * r - h);
@@ -93,10 +96,12 @@ pub(super) fn volume_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m:
     }
 }
 
-/// Sums tetrahedra from a point on the plane to all triangles of the surface below it: the cut itself, which lies in the plane, has none.
+/// Returns the part of a closed surface's volume below a plane. It is the sum of the tetrahedra from a point
+/// on the plane to all triangles below the plane. The cut face lies in the plane, so its tetrahedra are
+/// empty.
 fn mesh_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volume {
     let (points, triangles) = surface(shape);
-    // From here on about this point, so that numbers are small.
+    // From here on points are relative to this point on the plane, so that numbers are small.
     let origin = pose.translation - up * (pose.translation.dot(up) - height_m);
     let points: Vec<Vector> = points.iter().map(|&point| *pose * point - origin).collect();
     let (mut all, mut below, mut moment) = (0.0_f32, 0.0_f32, Vector::ZERO);
@@ -111,12 +116,12 @@ fn mesh_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volu
             moment += (part[0] + part[1] + part[2]) * (0.25 * six);
         }
     }
-    // Both are negative where triangles are wound inwards.
+    // Both sums are negative where triangles are wound inwards.
     let part = below / all;
     if part.is_nan() || part <= 0.0 {
         return Volume::default();
     }
-    // Triangles stand for less than what is curved.
+    // Triangles hold less than a curved shape, so only the ratio is taken from them.
     let m3 = shape.mass_properties(1.0).mass() * part.min(1.0);
     Volume { m3, centre: origin + moment / below }
 }
@@ -142,8 +147,8 @@ fn clipped(triangle: [Vector; 3], up: Vector) -> Vec<Vector> {
     corners
 }
 
-/// Returns the surface of a shape that is neither a ball nor a compound, in its own space, seen from outside counterclockwise; without the border
-/// of what is round, which Rapier's masses leave out too.
+/// Returns the surface of a shape that is neither a ball nor a compound, in its own space, counterclockwise
+/// as seen from outside. The border of a round shape is left out, as in Rapier's masses.
 fn surface(shape: &dyn Shape) -> (Vec<Vector>, Vec<[u32; 3]>) {
     match shape.as_typed_shape() {
         TypedShape::Cuboid(cuboid) => cuboid.to_trimesh(),
@@ -191,7 +196,7 @@ mod tests {
         ]
     }
 
-    /// Counts points of a fine grid that lie in the shape and below the plane.
+    /// Measures the part of a shape below the plane by counting points of a fine grid.
     fn counted(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volume {
         const STEP_M: f32 = 0.05;
         let around = shape.compute_aabb(pose);

@@ -1,8 +1,10 @@
 //! Measures the contacts as the solver left them: their number, penetration, and force on the ground.
 //!
-//! A contact may be solved in several regions, wherever both bodies are held. The region that leads the dynamic body of the lowest
-//! id answers for it, or else that body's owner, so that each is counted once, as it moves the body. Where a body's mass is split among regions, each bears its part of the force,
-//! so forces are summed over all of them.
+//! Every region that holds both bodies of a contact may solve it. One region answers for it, so that each
+//! contact is counted once, as it moves the body. This is the region that leads the dynamic body of the
+//! lowest id, if it holds the other body, and otherwise the region that reports the contact, mostly that
+//! body's owner. Where a body's mass is split among regions, each bears its part of the force, so that forces
+//! are summed over all of them.
 
 use rapier3d::geometry::ContactManifold;
 use rapier3d::prelude::*;
@@ -15,23 +17,24 @@ use crate::space::BodyId;
 /// A summary of all contacts of a world in its last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactSample {
-    /// Pairs of colliders that touch, of which at least one is on a dynamic body.
+    /// The number of pairs of colliders that touch, of which at least one is on a dynamic body.
     pub pairs: usize,
-    /// Deepest penetration, in metres; 0 when nothing overlaps.
+    /// The deepest penetration, metres; 0 if nothing overlaps.
     pub max_penetration_m: f64,
-    /// Force on fixed bodies along gravity, in newtons: of normals and of friction. Kinematic bodies are no ground.
+    /// The force of normals and friction on fixed bodies, along gravity, newtons. Kinematic bodies are no
+    /// ground.
     pub ground_force_n: f64,
-    /// Weight of all enabled dynamic bodies, in newtons, by their gravity scales.
+    /// The weight of all enabled dynamic bodies, by their gravity scales, newtons.
     pub weight_n: f64,
 }
 
 impl ContactSample {
-    /// Returns the force on the ground over the weight: 1 at rest. `None` without weight.
+    /// Returns the ratio of the force on the ground to the weight: 1 at rest. `None` without weight.
     pub fn ground_force_ratio(&self) -> Option<f64> {
         (self.weight_n > 0.0).then(|| self.ground_force_n / self.weight_n)
     }
 
-    /// Adds up the samples of two parts of one world.
+    /// Combines the samples of two parts of one world.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             pairs: self.pairs + other.pairs,
@@ -42,14 +45,14 @@ impl ContactSample {
     }
 }
 
-/// Returns the force of a contact pair, as a drawing shows it, in newtons; `None` where another region answers for the pair.
+/// Returns the force of a contact pair for drawing, newtons; `None` if another region answers for the pair.
 pub(crate) fn drawn_force_n(region: &Region, pair: &ContactPair) -> Option<[f64; 3]> {
     let view = View::Region(region);
     let is_told = answers(Side::of_pair(view, pair)) || is_pushed(region, pair);
     is_told.then(|| force_over_n(region.physics(), pair, solved_dt_s(view, pair)))
 }
 
-/// Returns whether no end of a pair is dynamic, and this region owns the first that is kinematic.
+/// Returns whether neither body of a pair is dynamic and this region owns the movable one of the lowest id.
 pub(super) fn is_pushed(region: &Region, pair: &ContactPair) -> bool {
     let world = region.physics();
     let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
@@ -65,18 +68,19 @@ pub(super) fn is_pushed(region: &Region, pair: &ContactPair) -> bool {
         && movable.first().is_some_and(|(_, role)| *role == Ownership::Owner)
 }
 
-/// Returns the mean force of a contact pair on its second body over the step in which it was solved, whose length it is given, in newtons:
-/// normals and friction.
+/// Returns the mean force of a contact pair on its second body, normals and friction, newtons. The mean is
+/// over the step in which the pair was solved, of length `dt_s`.
 ///
-/// Of a normal, Rapier keeps the impulse of the whole step. Of friction, its default model keeps only what the last of the
-/// solver's iterations applied (`warmstart_tangent_world`, the same for all points of a manifold), so the step's friction
-/// is taken to be to that as the step's normals are to the last iteration's. That is exact at rest, and never above the
-/// coefficient of friction times the normal force.
+/// Rapier keeps a normal's impulse of the whole step. Of friction, its default model keeps only what the
+/// solver's last iteration applied (`warmstart_tangent_world`, the same for all points of a manifold). The
+/// ratio of the step's friction to that of the last iteration is taken to be the ratio of their normals. That
+/// is exact at rest, and never above the coefficient of friction times the normal force.
 pub(super) fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
     pair_impulse_ns(world, pair).map(|v| v / f64::from(dt_s))
 }
 
-/// Returns the length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
+/// Returns the length of the step in which a pair was last solved, seconds. Two bodies that touch are both
+/// asleep or both awake, so that either has this step.
 pub(super) fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     let world = view.physics();
     let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
@@ -97,7 +101,7 @@ pub(super) fn sample(view: View<'_>) -> ContactSample {
     for pair in world.contact_pairs() {
         let colliders = [pair.collider1, pair.collider2];
         if colliders.iter().any(|&collider| world.colliders.get(collider).is_none()) {
-            // Removed since the step; Rapier forgets the pair in the next one.
+            // A collider was removed since the step. Rapier forgets the pair in its next step.
             continue;
         }
         let sides = Side::of_pair(view, pair);
@@ -128,7 +132,8 @@ pub(super) fn penetrations_m(view: View<'_>) -> Vec<f64> {
 /// One end of a contact pair.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Side {
-    /// On a dynamic body, by its id; whether the view solves what counts of it, and whether it has only a part of it.
+    /// On a dynamic body: its id, whether the view's contacts are those that count for it, and whether the
+    /// view has only a part of its mass.
     Dynamic(BodyId, bool, bool),
     /// On a fixed body, or on none.
     Fixed,
@@ -160,7 +165,8 @@ impl Side {
     }
 }
 
-/// Returns whether this view answers for the contact: it solves what counts of the dynamic body of the lowest id.
+/// Returns whether this view answers for the contact: whether its contacts are those that count for the
+/// dynamic body of the lowest id.
 pub(super) fn answers(sides: [Side; 2]) -> bool {
     match sides {
         [Side::Dynamic(a, solves_a, _), Side::Dynamic(b, solves_b, _)] => {
@@ -175,16 +181,16 @@ pub(super) fn answers(sides: [Side; 2]) -> bool {
     }
 }
 
-/// Returns whether the contact is on a body of which the view has a part: then every region that has one bears a part of the
-/// force.
+/// Returns whether the contact is on a body of whose mass the view has a part. Every region with a part of
+/// the mass bears a part of the force.
 pub(super) fn has_part(sides: [Side; 2]) -> bool {
     sides.iter().any(|side| matches!(side, Side::Dynamic(_, _, true)))
 }
 
-/// Returns how deep the two colliders overlap where their bodies are now, in metres, without their skins.
+/// Returns how deep two colliders overlap where their bodies are now, without their skins, metres.
 ///
-/// The distances that manifolds store are those of the last full contact update, which Rapier skips while bodies hardly
-/// move; the solver's anchors ride with the bodies.
+/// Manifolds store the distances of the last full contact update, which Rapier skips while bodies hardly
+/// move. The solver's anchors move with the bodies.
 fn penetration_m(world: &PhysicsWorld, pair: &ContactPair) -> f64 {
     let skin = |collider| world.colliders.get(collider).map_or(0.0, Collider::contact_skin);
     let skins_m = f64::from(skin(pair.collider1) + skin(pair.collider2));

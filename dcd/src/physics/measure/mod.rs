@@ -1,7 +1,8 @@
-//! Measures a world: energy, momentum, contacts, the force on the ground, owners of bodies, the hash of its state.
+//! Measures a world: energy, momentum, contacts, the force on the ground, owners of bodies, the hash of its
+//! state.
 //!
-//! The same formulas serve a bare Rapier world and one that is cut into regions: both are a list of [`View`]s, each a
-//! Rapier world and the bodies that it answers for. Nothing here changes what it looks at.
+//! The same formulas serve a bare Rapier world and a world of regions. Both are a list of [`View`]s, each a
+//! Rapier world and the bodies for which it answers. Measuring changes nothing.
 
 mod census;
 mod contacts;
@@ -21,11 +22,11 @@ pub use contacts::ContactSample;
 pub(crate) use contacts::drawn_force_n;
 pub use points::ContactPoint;
 
-/// One Rapier world, and which of its bodies it answers for.
+/// A Rapier world to be measured, and which of its bodies it answers for.
 #[derive(Clone, Copy)]
 pub enum View<'a> {
-    /// A world of its own: it answers for everything, and body `i` by Rapier's index is `BodyId::persistent(i)`, as in
-    /// [`Scene::bare_world`](crate::scene::Scene::bare_world).
+    /// A bare Rapier world, which answers for everything. The body with Rapier's index `i` is
+    /// `BodyId::persistent(i)`, as in [`Scene::bare_world`](crate::scene::Scene::bare_world).
     Bare(&'a PhysicsWorld),
     /// A region: it answers for the bodies that it owns.
     Region(&'a Region),
@@ -46,12 +47,12 @@ pub enum View<'a> {
 /// # Ok::<(), dcd::scene::SceneError>(())
 /// ```
 pub trait Measured {
-    /// Returns the Rapier worlds that make it up.
+    /// Returns the Rapier worlds that make up this world.
     fn views(&self) -> Vec<View<'_>>;
 
-    /// Returns the kinetic (of translation and rotation) and potential energy of all enabled dynamic bodies, in joules:
-    /// Σ ½ m v² + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass x; the potential is zero at the world's origin, for
-    /// Earth's gravity at y = 0.
+    /// Returns the kinetic energy (of translation and rotation) and the potential energy of all enabled
+    /// dynamic bodies, joules: Σ ½ m v² + ½ ω·Iω − s m g·x, with the gravity scale s and the centre of mass
+    /// x. The potential is zero at the world's origin, for Earth's gravity at y = 0.
     fn energy_j(&self) -> f64 {
         self.views().into_iter().map(motion::energy_j).sum()
     }
@@ -69,8 +70,8 @@ pub trait Measured {
         self.views().into_iter().map(contacts::sample).fold(ContactSample::default(), ContactSample::and)
     }
 
-    /// Returns how deep each pair of colliders that touch overlaps, in metres, 0 where they do not, in no order: each pair
-    /// counted by the one region that answers for it.
+    /// Returns how deep each pair of touching colliders overlaps, metres, in no order; 0 for a pair that does
+    /// not overlap. Each pair is counted once, by the region that answers for it.
     fn penetrations_m(&self) -> Vec<f64> {
         self.views().into_iter().flat_map(contacts::penetrations_m).collect()
     }
@@ -80,7 +81,8 @@ pub trait Measured {
         Census::of(&self.views())
     }
 
-    /// Returns the bodies that Rapier set aside in the last step because their state was not finite, as owners or as replicas.
+    /// Returns the bodies that Rapier set aside in the last step because their state was not finite: once for
+    /// each copy, the owner's or a replica.
     fn quarantined(&self) -> Vec<BodyId> {
         let of = |view: View<'_>| {
             let handles = view.physics().quarantine().bodies();
@@ -99,8 +101,8 @@ pub trait Measured {
         states
     }
 
-    /// Returns a hash of the state of all movable bodies: equal worlds have equal hashes. Of a body with two owners, the first
-    /// owner's copy counts.
+    /// Returns a hash of the state of all movable bodies: equal worlds have equal hashes. If a body has two
+    /// owners, the first owner's copy counts.
     fn state_hash(&self) -> u64 {
         let mut states = self.states();
         states.dedup_by_key(|(id, ..)| *id);
@@ -133,7 +135,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns the origin (anchor) of its space, in world space, metres.
+    /// Returns the origin (anchor) of the view's space, in world space, metres.
     pub fn anchor(self) -> [f64; 3] {
         match self {
             Self::Bare(_) => [0.0; 3],
@@ -141,7 +143,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns the id of its region; a bare world counts as the root of the tree.
+    /// Returns the id of the view's region; a bare world counts as the root of the tree.
     pub fn region(self) -> RegionId {
         match self {
             Self::Bare(_) => RegionId(0),
@@ -157,7 +159,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns whether the view answers for this body, which must be a movable one.
+    /// Returns whether the view answers for a body; never for an immovable one.
     pub fn owns(self, handle: RigidBodyHandle) -> bool {
         match self {
             Self::Bare(world) => world.bodies.get(handle).is_some_and(|body| !body.is_fixed()),
@@ -165,8 +167,9 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns whether its contacts of this dynamic body with another one, or with what is fixed, are those that count: of a region that leads the
-    /// body, if that holds the other one, else of its owner.
+    /// Returns whether the view's contacts of a dynamic body with another one, or with what is fixed, are
+    /// those that count. In a region they are if it leads the body and holds the other one; without such a
+    /// region, those of the region that reports the contact count, mostly the body's owner.
     fn solves(self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
         match self {
             Self::Bare(_) => self.owns(handle),
@@ -174,13 +177,13 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns the movable bodies that it answers for.
+    /// Returns the movable bodies for which the view answers.
     pub fn owned(self) -> impl Iterator<Item = (BodyId, &'a RigidBody)> {
         self.owned_handles().filter_map(move |(handle, body)| Some((self.name(handle)?, body)))
     }
 
-    /// Returns the number by which mass splitting divides the mass of the body here: regions that share a body each have a part
-    /// of it.
+    /// Returns the number of parts into which mass splitting divides the mass of a body. Regions that share
+    /// the body have one part each.
     pub fn parts(self, handle: RigidBodyHandle) -> f64 {
         match self {
             Self::Bare(_) => 1.0,

@@ -19,8 +19,8 @@ pub(super) fn momentum_kgms(view: View<'_>) -> [f64; 3] {
     })
 }
 
-/// Returns the enabled dynamic bodies with their masses, and the numbers of parts into which these are split: Rapier computes
-/// masses in the first step only, and a world is to be measured before it too.
+/// Returns the enabled dynamic bodies with their masses, each with the number of parts into which its mass is
+/// split. Rapier computes masses in the first step only, but a world can be measured before it.
 fn taking_part(view: View<'_>) -> impl Iterator<Item = (f64, RigidBody)> {
     let colliders = &view.physics().colliders;
     view.owned_handles().filter(|(_, body)| body.is_dynamic() && body.is_enabled()).map(

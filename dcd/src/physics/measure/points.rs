@@ -1,4 +1,5 @@
-//! Reads the points at which a body touches others, as the solver left them: each pair once, whatever regions hold it.
+//! Reads the points at which a body touches others, as the solver left them. Each pair is read once,
+//! whichever regions hold it.
 
 use std::collections::BTreeMap;
 
@@ -13,27 +14,30 @@ use crate::physics::region::Region;
 use crate::protocol::ContactKey;
 use crate::space::BodyId;
 
-/// A point at which two colliders touch, or are about to.
+/// A point at which two colliders touch, or are about to
+/// ([`World::contact_points`](crate::World::contact_points)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ContactPoint {
-    /// Which colliders.
+    /// The two colliders.
     pub key: ContactKey,
-    /// The number of its manifold among those of the pair: points of one manifold have one normal.
+    /// The number of the contact manifold among those of the pair. All points of one manifold have the same
+    /// normal.
     pub manifold: u32,
-    /// Where, in world space, metres: in the middle between the two surfaces.
+    /// The point in world space, metres, in the middle between the two surfaces.
     pub point: [f64; 3],
-    /// From `key.a` to `key.b`, of unit length.
+    /// The unit normal, from `key.a` to `key.b`.
     pub normal: [f32; 3],
-    /// Metres between the surfaces, negative where they overlap.
+    /// The distance between the surfaces, metres; negative where they overlap.
     pub separation_m: f32,
-    /// The impulse along the normal on `key.b` in the last step, N s; without friction.
+    /// The impulse along the normal on `key.b` in the last step, N s, without friction.
     pub impulse_ns: f32,
 }
 
 impl RegionHost {
-    /// Returns the points at which a body touches others after the last step, by pair and manifold. Where regions share a body, the owner of
-    /// the first movable one of a pair has the points, and the impulses of all are added up.
+    /// Returns the points at which a body touches others after the last step, by pair and manifold. The
+    /// region that answers for a pair has its points. Where regions share a body, the impulses of all of them
+    /// are added up.
     pub fn contact_points(&self, id: BodyId) -> Vec<ContactPoint> {
         let dt_s = self.settings().dt_s;
         let (mut points, mut sums) = (Vec::new(), BTreeMap::<ContactKey, f32>::new());
@@ -62,7 +66,7 @@ impl RegionHost {
             }
         }
         points.sort_by_key(|point| (point.key, point.manifold));
-        // Where masses are split, so are impulses.
+        // Where masses are split, so are impulses: each point's is scaled to the sum over all regions.
         for pair in points.chunk_by_mut(|a, b| a.key == b.key) {
             let own: f32 = pair.iter().map(|point| point.impulse_ns).sum();
             if let Some(sum) = sums.get(&pair[0].key).filter(|_| own > 0.0) {
@@ -73,7 +77,8 @@ impl RegionHost {
     }
 }
 
-/// Returns the colliders of a pair by name, and whether the second is the first of the two; `None` if one is gone.
+/// Returns the key of a pair, and whether it has Rapier's second collider first; `None` if a collider is
+/// gone.
 fn key_of(region: &Region, pair: &ContactPair) -> Option<(ContactKey, bool)> {
     let name = |collider| region.physics().colliders.get(collider).and(region.collider_name(collider));
     let (first, second) = (name(pair.collider1)?, name(pair.collider2)?);
@@ -117,7 +122,8 @@ mod tests {
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
 
-    /// A cube of a tonne at this place on a floor, with another on top, after so many steps: the floor and both.
+    /// Returns a world after so many steps, and its bodies: a floor, a cube of a tonne at `at`, and another
+    /// on top of it.
     fn stack(cuts: Vec<(Axis, f64)>, at: f32, steps: usize) -> (LocalWorld, [BodyId; 3]) {
         let config =
             WorldConfig { partitioning: Partitioning::Cuts(cuts), threads: 1, ..WorldConfig::default() };

@@ -9,7 +9,7 @@ use crate::space::{Axis, Bounds};
 const STEPS: usize = 240;
 const SAMPLED: usize = 60;
 
-/// The mean over the last second.
+/// Returns the mean ratio of the force on the ground to the weight over the last second.
 fn mean_ratio(steps: usize, mut step: impl FnMut() -> ContactSample) -> f64 {
     let ratios: Vec<_> = (0..steps).map(|_| step().ground_force_ratio().expect("there is gravity")).collect();
     ratios[steps - SAMPLED..].iter().sum::<f64>() / SAMPLED as f64
@@ -22,7 +22,7 @@ fn bare_ratio(world: &mut PhysicsWorld) -> f64 {
     })
 }
 
-/// A unit box on a rough floor that leans by this angle about z.
+/// Returns a world with a unit box on a rough floor that leans by this angle about z.
 fn box_on_slope(degrees: f32) -> PhysicsWorld {
     box_on_slope_of(degrees, 2.0)
 }
@@ -144,8 +144,8 @@ fn a_tower_presses_with_its_weight_also_when_a_border_runs_up_through_it() {
     }
 }
 
-/// Two towers of six boxes on one floor, cut by these planes, of which the second falls asleep only if it may. Islands are
-/// never moved whole, and regions that share anything take `exchanges` substeps.
+/// Builds two towers of six boxes on one floor, cut by these planes. The second tower falls asleep only if
+/// `both_sleep`. Islands are never moved whole, and regions that share anything take `exchanges` substeps.
 fn two_towers(cuts: &[(Axis, f64)], exchanges: usize, both_sleep: bool) -> LocalWorld {
     let mut scene = Scene::empty("two towers");
     scene.push_fixed_box([0.0, -0.5, 0.0], [20.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
@@ -192,8 +192,9 @@ fn what_sleeps_presses_with_its_weight_whatever_substeps_were_taken_then_and_are
     }
 }
 
-/// The coupling decides whether the two sides of a horizontal border agree on the force between them. What must hold of the
-/// measure: the ground carries what the lower region lets its topmost body carry, and that region's own weight.
+/// The coupling decides whether the two sides of a horizontal border agree on the force between them. The
+/// measure must hold in any case: the ground carries what the lower region lets its topmost body carry, and
+/// that region's own weight.
 #[test]
 fn across_a_border_each_contact_is_counted_once_and_forces_add_up() {
     let mut world = tower(Some((Axis::Y, 5.0)));
@@ -307,8 +308,8 @@ fn a_body_that_is_not_finite_is_named() {
     assert_eq!(world.quarantined(), []);
 }
 
-/// Most of a heap is computed by one region; of some heaps a few boxes fall asleep before they are owned there, and press on the ground in their
-/// owner's world without what lies on them.
+/// One region computes most of a heap. In some heaps a few boxes fall asleep before that region owns them.
+/// They then press on the ground in their owner's world without the boxes that lie on them.
 #[test]
 fn a_heap_presses_on_the_ground_with_its_weight_whoever_owns_the_boxes_below() {
     let owners_of = |seed: u32| {

@@ -1,4 +1,4 @@
-//! Answers queries in wire form, as clients and the C API send them, by the bodies that this process holds.
+//! Answers queries in wire form, as clients and the C API send them, from the bodies that this process holds.
 
 use std::ops::ControlFlow;
 
@@ -17,7 +17,7 @@ use crate::protocol::{
 use crate::space::BodyId;
 
 impl Query {
-    /// Asks for the first hit of one shape that moves straight by `motion`, metres, in world space.
+    /// Makes a query for the first hit of one shape that moves straight by `motion`, metres, in world space.
     ///
     /// # Errors
     /// [`ShapeError`] for a shape that no query may use.
@@ -28,7 +28,7 @@ impl Query {
         Ok(Self { shapes, parts: QueryParts::Casts(vec![cast]), ..Self::rays([]) })
     }
 
-    /// Asks for all colliders that overlap one shape.
+    /// Makes a query for all colliders that overlap one shape.
     ///
     /// # Errors
     /// [`ShapeError`] for a shape that no query may use.
@@ -38,7 +38,7 @@ impl Query {
     }
 }
 
-/// Returns a shape in wire form: its name, and the records that it is made of.
+/// Returns a shape in wire form: its hash, and the records of which it consists.
 fn recorded(shape: &SharedShape) -> Result<(ShapeHash, Vec<ShapeRecord>), ShapeError> {
     let mut library = ShapeLibrary::default();
     let hash = library.intern(shape)?;
@@ -119,7 +119,8 @@ impl Queries<'_> {
         self.asking(all, filter, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
     }
 
-    /// Calls `meet` for the hits of one shape that moves straight, as [`Queries::visit_cast_shape`]; how it turns is not looked at.
+    /// Calls `meet` for the hits of one shape that moves straight, as [`Queries::visit_cast_shape`] does. The
+    /// rotation of the cast is ignored.
     #[doc(hidden)]
     pub fn ask_cast_each(
         &self,
@@ -135,7 +136,7 @@ impl Queries<'_> {
         })
     }
 
-    /// Calls `meet` for the hits of one ray, as [`Queries::visit_ray`].
+    /// Calls `meet` for the hits of one ray, as [`Queries::visit_ray`] does.
     #[doc(hidden)]
     pub fn ask_ray_each(
         &self,
@@ -148,7 +149,8 @@ impl Queries<'_> {
         })
     }
 
-    /// Calls `meet` for the colliders that overlap one shape or box, until it breaks off; never if its shape is not known.
+    /// Calls `meet` for the colliders that overlap one shape, point or box, until `meet` breaks off. An
+    /// unknown shape overlaps none.
     #[doc(hidden)]
     pub fn ask_overlap_each(
         &self,
@@ -170,7 +172,8 @@ impl Queries<'_> {
         })
     }
 
-    /// Returns all colliders that overlap one shape, point or box, by id; none if its shape is not known.
+    /// Returns all colliders that overlap one shape, point or box, in order of ids. An unknown shape overlaps
+    /// none.
     #[doc(hidden)]
     pub fn ask_overlap(
         &self,
@@ -188,7 +191,8 @@ impl Queries<'_> {
         })
     }
 
-    /// Returns the point of any collider that is nearest to a given point, as [`Queries::project_point`].
+    /// Returns the point of any collider that is nearest to a given point, as [`Queries::project_point`]
+    /// does.
     #[doc(hidden)]
     pub fn ask_nearest(
         &self,
@@ -213,7 +217,7 @@ impl Queries<'_> {
     }
 }
 
-/// A filter in wire form: of all queries of a message, and of one of them.
+/// A filter in wire form: the part for all queries of a message, and the part for one of them.
 struct Told<'a> {
     all: &'a FilterRecord,
     part: &'a PartFilter,
@@ -224,7 +228,8 @@ impl Told<'_> {
         QueryFilterFlags::from_bits_truncate(self.all.flags)
     }
 
-    /// Returns whether it meets a collider by its groups. A question belongs to no group unless it says so, and then only memberships count.
+    /// Returns whether the filter lets a collider through by its groups. By default a query is in no group,
+    /// and only the collider's memberships count.
     fn meets(&self, collider: &Collider) -> bool {
         let [groups, mask] = [self.all.groups, self.part.mask].map(Group::from_bits_retain);
         let of = collider.collision_groups();
@@ -238,7 +243,7 @@ impl Told<'_> {
 
 impl Lets for Told<'_> {
     fn lets(&self, region: &Region, parent: RigidBodyHandle, _: ColliderHandle, collider: &Collider) -> bool {
-        // Few queries overlook anyone: for the others it is not looked up whose collider it is.
+        // Few queries exclude bodies. For the others the body of a collider is not looked up.
         let all_are_met = self.part.exclude.is_none() && self.all.exclude.is_empty();
         self.flags().test(&region.physics().bodies, collider)
             && self.meets(collider)
@@ -246,7 +251,7 @@ impl Lets for Told<'_> {
     }
 }
 
-/// The options of a cast that ends after its whole motion, at the time 1.
+/// Returns the options of a cast that ends after its whole motion, at time 1.
 fn options(margin_m: f32, leaves: bool) -> ShapeCastOptions {
     ShapeCastOptions {
         target_distance: margin_m,

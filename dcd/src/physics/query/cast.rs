@@ -15,41 +15,42 @@ use crate::space::BodyId;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ShapeHit {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders, from 0 in order of insertion.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: usize,
-    /// When, in the unit of time of the shape's velocity.
+    /// The time of the hit, in the unit of time of the shape's velocity.
     pub time_of_impact: f32,
-    /// Where on the collider, in world space, metres.
+    /// The point of the hit on the collider, in world space, metres.
     pub point: [f64; 3],
-    /// Outward unit normal of the collider there.
+    /// The outward unit normal of the collider there.
     pub normal: [f32; 3],
-    /// Where on the moving shape, in its own space, metres.
+    /// The point of the hit on the moving shape, in the shape's own space, metres.
     pub point_on_shape: [f32; 3],
-    /// Outward unit normal of the moving shape there, in its own space.
+    /// The outward unit normal of the moving shape there, in the shape's own space.
     pub normal_on_shape: [f32; 3],
-    /// Whether they met on the way, or overlapped from the start: then points and normals may be zero, see
+    /// Whether the two met on the way, or overlapped from the start. Then points and normals may be zero, see
     /// [`ShapeCastOptions::compute_impact_geometry_on_penetration`].
     pub status: ShapeCastStatus,
-    /// Part of a compound collider, triangle of a mesh.
+    /// The part of a compound collider, or the triangle of a mesh.
     pub subshape: u32,
 }
 
 /// The motion of a shape that moves and rotates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldMotion {
-    /// Where the shape starts.
+    /// The pose of the shape at the start, in world space.
     pub start: WorldPose,
-    /// The point of the shape that moves straight, in its own space, metres.
+    /// The point of the shape that moves straight, in the shape's own space, metres.
     pub local_centre: [f32; 3],
-    /// Its linear velocity and its angular velocity about that point, per second.
+    /// The linear velocity, and the angular velocity about that point, per second.
     pub velocity: Velocity,
 }
 
 impl Queries<'_> {
-    /// Returns the first hit of a shape that moves straight and does not rotate; of simultaneous hits, that on the lowest id.
-    /// `velocity` is in metres per unit of time; times of `options` are in that unit, and may be infinite.
+    /// Returns the first hit of a shape that moves straight and does not rotate; of simultaneous hits, that
+    /// on the lowest id. `velocity` is in metres per unit of time. Times of `options` are in that unit, and
+    /// may be infinite.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
@@ -93,9 +94,10 @@ impl Queries<'_> {
         Ok(best)
     }
 
-    /// Calls `meet` with one hit on every collider that a shape meets which moves straight and does not rotate, in no order, and no longer
-    /// than it wants: it returns until when the shape moves from then on, in the unit of time of its velocity. The time of the hit leaves
-    /// what is met earlier, infinity everything, and 0 ends it. The latest time of `options` is finite.
+    /// Calls `meet` with one hit on every collider that a shape meets which moves straight and does not
+    /// rotate, in no particular order. `meet` returns the time until which the shape moves from then on, in
+    /// the unit of time of its velocity: the time of the hit leaves only what is met earlier, infinity leaves
+    /// everything, and 0 ends the query. The latest time of `options` must be finite.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
@@ -132,7 +134,7 @@ impl Queries<'_> {
         check::limit(f64::from(options.target_distance), "target_distance")?;
         let velocity = convert::vector(velocity);
         let mut latest = options.max_time_of_impact;
-        // A body that several regions hold answers in each of them.
+        // Several regions may name the same immovable body.
         let mut met = self.are_several().then(BTreeSet::new);
         self.ask(filter, None, |answerer| {
             if latest == 0.0 {
@@ -154,7 +156,7 @@ impl Queries<'_> {
                 if hit.time_of_impact <= latest
                     && met.as_mut().is_none_or(|met| met.insert((hit.body, hit.collider)))
                 {
-                    // What is no number ends it too.
+                    // NaN ends the query too.
                     latest = meet(&hit).clamp(0.0, latest).max(0.0);
                     if latest == 0.0 {
                         return;
@@ -165,8 +167,9 @@ impl Queries<'_> {
         Ok(())
     }
 
-    /// Returns the first hit of a shape that moves and rotates, between two times in seconds. A shape that overlaps something at
-    /// the start stops there at once, or, without `stop_at_penetration`, only if it moves further in.
+    /// Returns the first hit of a shape that moves and rotates, between two times in seconds. A shape that
+    /// overlaps something at the start stops there at once or, without `stop_at_penetration`, only if it
+    /// moves further in.
     pub fn cast_shape_nonlinear(
         &self,
         shape: &dyn Shape,
@@ -265,7 +268,8 @@ fn shape_hit(
     })
 }
 
-/// Returns the first hit on a triangle of terrain in a box of its space: Parry 0.31 casts nothing that turns onto terrain.
+/// Returns the first hit on the triangles of terrain in a box, which is in the terrain's space. Parry 0.31
+/// casts no rotating shape onto terrain.
 fn onto_terrain(
     field: &HeightField,
     near: &Aabb,
@@ -281,8 +285,8 @@ fn onto_terrain(
     first
 }
 
-/// Returns the triangle of terrain that a point on it lies on, by the number that rays give it: Parry 0.31 tells which one a shape
-/// hit of meshes and compounds alone.
+/// Returns the triangle of terrain on which a point lies, by the number that rays give it. Parry 0.31 reports
+/// which part a shape hit for meshes and compounds only.
 fn triangle_at(field: &HeightField, point: Vector) -> Option<u32> {
     let mut nearest: Option<(f32, u32)> = None;
     field.map_elements_in_local_aabb(&Aabb::new(point, point).loosened(0.01), &mut |id, triangle| {

@@ -1,24 +1,24 @@
-//! Checks the arguments of queries.
+//! Checks the arguments of queries, and defines the error for those that are out of range.
 
 use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
-/// An error in the arguments of a query.
+/// The error of a query whose arguments are out of range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QueryError {
     /// A number is NaN or infinite.
     #[error("the {0} of the query is not finite; check its numbers")]
     NotFinite(&'static str),
-    /// A ray goes nowhere.
+    /// The direction of a ray has no length.
     #[error("the ray's direction has no length; say where the ray goes, or ask `intersect_point`")]
     NoDirection,
     /// A distance or a time is NaN or negative.
     #[error("the {what} of the query is {value}; give a number of 0 or more, or infinity for no limit")]
     Limit {
-        /// Which number.
+        /// The name of the number.
         what: &'static str,
-        /// What it was.
+        /// The value.
         value: f64,
     },
     /// A rotation is not a unit quaternion, to 1e-3.
@@ -45,7 +45,7 @@ pub(in crate::physics) fn pose(pose: &WorldPose, what: &'static str) -> Result<(
 
 /// Checks a limit, which may be infinite.
 pub(super) fn limit(value: f64, what: &'static str) -> Result<(), QueryError> {
-    // NaN is not above 0 either.
+    // NaN is refused too: it is not above 0.
     if value >= 0.0 { Ok(()) } else { Err(QueryError::Limit { what, value }) }
 }
 

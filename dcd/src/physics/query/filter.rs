@@ -1,4 +1,4 @@
-//! Filters the bodies and colliders that a query may find.
+//! Defines the filter of the bodies and colliders that a query may find.
 
 use rapier3d::prelude::*;
 
@@ -6,7 +6,7 @@ use crate::physics::collider_id::ColliderId;
 use crate::physics::region::Region;
 use crate::space::BodyId;
 
-/// A filter that a query asks about every collider it comes near: it looks up only what it needs to know.
+/// A filter that a query asks about each collider that it comes near. It looks up only what it needs to know.
 pub(super) trait Lets {
     /// Returns whether this collider of a body may be found.
     fn lets(
@@ -18,7 +18,8 @@ pub(super) trait Lets {
     ) -> bool;
 }
 
-/// Rapier's `QueryFilter` with bodies by id; the default lets everything be found, sensors too.
+/// A filter of what a query may find: Rapier's `QueryFilter` with bodies by id. The default lets everything
+/// be found, sensors too.
 ///
 /// ```
 /// # use dcd::physics::{BodyFilter, WorldRay};
@@ -37,16 +38,17 @@ pub(super) trait Lets {
 /// ```
 #[derive(Clone, Copy, Default)]
 pub struct BodyFilter<'a> {
-    /// Kinds of bodies and colliders that are left out.
+    /// The kinds of bodies and colliders that are left out.
     pub flags: QueryFilterFlags,
-    /// Only colliders whose collision groups go with these, by the test modes of both.
+    /// Collision groups: only colliders whose groups match these are found, by the test modes of both. `None`
+    /// lets all be found.
     pub groups: Option<InteractionGroups>,
-    /// Bodies that are left out, for example the one that asks.
+    /// Bodies that are left out, for example the one on whose behalf the query is made.
     pub exclude_bodies: &'a [BodyId],
     /// Colliders that are left out.
     pub exclude_colliders: &'a [ColliderId],
-    /// QueryParts last: whether this collider of the body may be found. Its position may be that of the last step, and is in
-    /// region space.
+    /// A predicate, called last, that says whether a collider of a body may be found. The collider's position
+    /// may be that of the last step, and is in region space.
     #[allow(clippy::type_complexity)]
     pub predicate: Option<&'a dyn Fn(BodyId, &Collider) -> bool>,
 }

@@ -1,10 +1,10 @@
-//! Gives hits and answers of queries, and contacts, the ids of the colliders that they name.
+//! Adds `collider_id` to hits and answers of queries, and `colliders` to contact keys.
 
 use super::{PointHit, RayHit, ShapeHit};
 use crate::physics::ColliderId;
 use crate::protocol::{CastAnswer, ContactKey, Overlap, RayAnswer};
 
-/// Hits and answers name what they found by body and index.
+/// Implements `collider_id` for hits and answers that name a collider by body and index.
 macro_rules! named_by_body_and_index {
     ($($found:ty),+) => {$(
         impl $found {

@@ -1,8 +1,11 @@
-//! Answers spatial queries over all regions of a process: ray casts, shape casts, point projections, overlaps.
+//! Answers spatial queries over all regions of a process: ray casts, shape casts, point projections,
+//! overlaps.
 //!
-//! Each region asks its own Rapier world about the bodies it answers for, and the answers become one: a replica is left
-//! to its owner, so that no body answers twice from two slightly different places, and an immovable body, which several
-//! regions hold, is answered for by a region near the answer.
+//! Each region asks its own Rapier world about the bodies for which it answers, and the answers are merged.
+//! No body answers twice from two slightly different places:
+//!
+//! - A replica is left to its owner.
+//! - An immovable body is held by several regions. A region near the answer answers for it.
 
 mod answer;
 mod cast;
@@ -30,12 +33,13 @@ use super::host::RegionHost;
 use super::region::{Moved, Ownership, Region};
 use crate::space::Bounds;
 
-/// All queries of a world, or of the regions that one node computes. Made by `World::queries`; the methods are
-/// named after Rapier's.
+/// The interface for spatial queries of a local world, or of the regions that one node computes.
+/// [`World::queries`](crate::World::queries) returns it; the methods are named after Rapier's.
 ///
-/// Positions are in world space. Each region computes in f32 relative to its anchor, as in a step, so answers are as exact
-/// as bodies' positions are. Bodies are found where they are now, also when they were inserted or moved since the last
-/// step; bare Rapier finds those only after its next step. Nothing that is asked changes what the world does next.
+/// Positions are in world space. Each region computes in f32 relative to its anchor, as in a step, so that
+/// answers are as exact as the positions of bodies. Bodies are found where they are now, even if they were
+/// inserted or moved since the last step; bare Rapier finds those only after its next step. Queries do not
+/// change what the world does next.
 ///
 /// ```
 /// use dcd::prelude::*;
@@ -65,12 +69,13 @@ impl std::fmt::Debug for Queries<'_> {
 }
 
 impl Queries<'_> {
-    /// Returns whether several regions answer, of which more than one may name the same immovable body.
+    /// Returns whether several regions answer. More than one of them may then name the same immovable body.
     fn are_several(&self) -> bool {
         self.host.regions().len() > 1
     }
 
-    /// Asks about each of many things, on the world's threads if they are worth waking; answers are in the order of the things.
+    /// Calls `ask` for each of `things`, on the world's threads if they are worth waking, and returns the
+    /// answers in the order of `things`.
     #[doc(hidden)]
     pub fn ask_about<T: Sync, R: Send>(&self, things: &[T], ask: impl Fn(&T) -> R + Sync) -> Vec<R> {
         self.host.spread(things, ask)
@@ -78,13 +83,14 @@ impl Queries<'_> {
 }
 
 impl RegionHost {
-    /// Returns the queries over the bodies computed here.
+    /// Returns the interface for queries over the bodies that this process computes.
     pub fn queries(&self) -> Queries<'_> {
         Queries { host: self }
     }
 }
 
-/// The colliders that a region answers for: those where Rapier's tree has them, or those that were moved since.
+/// The colliders for which a region answers: those that are where Rapier's BVH has them, or those that were
+/// moved since the last step.
 struct Answerer<'a> {
     region: &'a Region,
     pipeline: QueryPipeline<'a>,
@@ -97,7 +103,8 @@ impl<'a> Queries<'a> {
         Self::ask_in(self.host.regions(), filter, near, ask);
     }
 
-    /// Asks some regions one after the other, each twice if bodies of it were moved since its last step.
+    /// Asks some regions, one after the other, and a region twice if some of its bodies were moved since its
+    /// last step. A region answers for immovable bodies if it covers `near`, or if `near` is `None`.
     fn ask_in<'r>(
         regions: impl Iterator<Item = &'r Region>,
         filter: &impl Lets,
@@ -142,8 +149,8 @@ impl<'a> Queries<'a> {
 }
 
 impl Answerer<'_> {
-    /// Returns the id of a collider; `near` is a box around the answer in region space. `None` if the body is immovable and some
-    /// region nearer to the answer gives it too.
+    /// Returns the id of a collider; `near` is a box around the answer, in region space. `None` if the body
+    /// is immovable and the region does not cover that box: then a region nearer to the answer names it.
     fn name(&self, handle: ColliderHandle, near: Aabb) -> Option<ColliderId> {
         let (region, world) = (self.region, self.region.physics());
         let handle = self.moved.map_or(handle, |moved| moved.original(handle));

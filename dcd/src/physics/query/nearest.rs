@@ -1,11 +1,12 @@
-//! Finds the collider that a ray meets first in a tree of Rapier's: the one that Rapier itself finds, and to the bit where it is met, at half the
-//! cost.
+//! Finds the collider in a Rapier BVH that a ray hits first. Collider and hit are those that Rapier itself
+//! finds, to the bit, at half the cost.
 
 use parry3d::partitioning::BvhNode;
 use parry3d::shape::TypedCompositeShape;
 use rapier3d::prelude::*;
 
-/// Does what `QueryPipeline::cast_ray_and_get_normal` does, which computes anew for each box of the tree what is the same for all of a ray.
+/// Returns the first hit of a ray, as `QueryPipeline::cast_ray_and_get_normal` does. That function computes
+/// anew for each box of the BVH what is the same for the whole ray.
 pub(super) fn nearest(
     pipeline: &QueryPipeline<'_>,
     ray: &Ray,
@@ -27,7 +28,7 @@ pub(super) fn nearest(
     Some((handle, hit))
 }
 
-/// A ray as the boxes of a tree are tested with it.
+/// A ray in the form in which it is tested against the boxes of a BVH.
 struct Slabs {
     origin: [f32; 3],
     inverse: [f32; 3],
@@ -35,12 +36,14 @@ struct Slabs {
 
 impl Slabs {
     fn of(ray: &Ray) -> Self {
-        // Where it does not move along an axis it is between the sides of a box for ever, or as far outside, whatever the sign of its zero.
+        // A ray that does not move along an axis is always between the two sides of a box, or always outside
+        // of them, whatever the sign of its zero.
         let inverse = |along: f32| if along == 0.0 { f32::INFINITY } else { 1.0 / along };
         Self { origin: ray.origin.to_array(), inverse: ray.dir.to_array().map(inverse) }
     }
 
-    /// Returns what `BvhNode::cast_ray` does: where the ray enters a box, 0 from inside; `f32::MAX` if it does not before `nearest`.
+    /// Returns where the ray enters a box, as `BvhNode::cast_ray` does: 0 from inside, `f32::MAX` if it does
+    /// not enter before `nearest`.
     #[inline]
     fn enters(&self, node: &BvhNode, nearest: f32) -> f32 {
         let (mins, maxs) = (node.mins().to_array(), node.maxs().to_array());
@@ -48,7 +51,7 @@ impl Slabs {
         for i in 0..3 {
             let low = (mins[i] - self.origin[i]) * self.inverse[i];
             let high = (maxs[i] - self.origin[i]) * self.inverse[i];
-            // Each choice is one instruction, and none takes the NaN of a ray that moves along the side of a box.
+            // Each choice is one instruction. None takes the NaN of a ray that moves along the side of a box.
             let (near, far) = (if low > high { high } else { low }, if low > high { low } else { high });
             enter = if near > enter { near } else { enter };
             leave = if far < leave { far } else { leave };
@@ -61,7 +64,8 @@ impl Slabs {
 mod tests {
     use super::*;
 
-    /// Boxes on a lattice that touch one another, so that rays along it run in the sides of their bounds, balls and a floor without an end.
+    /// Returns a world of boxes and balls that touch one another on a lattice, and an infinite floor. Rays
+    /// along the lattice run in the sides of the boxes' AABBs.
     fn world() -> PhysicsWorld {
         let mut world = PhysicsWorld::new();
         world.gravity = Vector::ZERO;
@@ -86,7 +90,8 @@ mod tests {
         world
     }
 
-    /// Rays from corners and sides of the boxes, from inside them and from anywhere, along axes and their negatives, planes, and aslant.
+    /// Returns rays from corners and sides of the boxes, from inside them and from anywhere, along axes in
+    /// both directions, along planes, and aslant.
     fn rays() -> impl Iterator<Item = Ray> {
         let ways = [0.0, -0.0, 1.0, -1.0, 0.6, 1e-39, -1e-39, 3e-5];
         let origins = [-2.0, -0.51, -0.5, 0.0, 0.5, 1.49, 3.25, 6.51, 30.0];

@@ -12,7 +12,7 @@ use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
 impl Queries<'_> {
-    /// Returns every collider that overlaps a shape at a pose, by id.
+    /// Returns every collider that overlaps a shape at a pose, in order of ids.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;
@@ -41,7 +41,8 @@ impl Queries<'_> {
         Ok(found)
     }
 
-    /// Calls `meet` with every collider that overlaps a shape at a pose, in no order, until it breaks off.
+    /// Calls `meet` with every collider that overlaps a shape at a pose, in no particular order, until `meet`
+    /// breaks off.
     ///
     /// ```
     /// # use std::ops::ControlFlow;
@@ -82,8 +83,9 @@ impl Queries<'_> {
         Ok(())
     }
 
-    /// Returns every collider whose own AABB touches this box, by id: those that may overlap it. The box may be infinite.
-    /// Rapier's own answer depends on its BVH, whose boxes are wider; this one does not.
+    /// Returns every collider whose own AABB touches this box, in order of ids: those that may overlap it.
+    /// The box may be infinite. Rapier's own answer depends on the boxes of its BVH, which are wider; this
+    /// one does not.
     pub fn intersect_aabb_conservative(
         &self,
         bounds: &Bounds,
@@ -98,7 +100,8 @@ impl Queries<'_> {
         Ok(found)
     }
 
-    /// Calls `meet` with every collider whose own AABB touches this box, in no order, until it breaks off.
+    /// Calls `meet` with every collider whose own AABB touches this box, in no particular order, until `meet`
+    /// breaks off.
     pub fn visit_aabb_conservative(
         &self,
         bounds: &Bounds,
@@ -121,10 +124,11 @@ impl Queries<'_> {
     }
 }
 
-/// Passes on each collider once, though several regions may name it, until the receiver breaks off.
+/// A receiver of colliders. It passes each on once, though several regions may name it, until `meet` breaks
+/// off.
 struct Once<F> {
     meet: F,
-    /// None where there is one region, which names each once.
+    /// The colliders passed on so far; `None` if there is one region, which names each once.
     met: Option<BTreeSet<ColliderId>>,
     is_over: bool,
 }

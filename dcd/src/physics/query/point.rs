@@ -11,21 +11,22 @@ use crate::space::{BodyId, Bounds};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PointHit {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders, from 0 in order of insertion.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: usize,
-    /// Where, in world space, metres.
+    /// The nearest point of the collider, in world space, metres.
     pub point: [f64; 3],
-    /// From the point that was asked about, metres.
+    /// The distance from the given point, metres.
     pub distance_m: f64,
-    /// Whether the point that was asked about lies inside.
+    /// Whether the given point lies inside the collider.
     pub inside: bool,
 }
 
 impl Queries<'_> {
-    /// Returns the point of any collider that is nearest to a given point and no farther than `max_m` metres, which may be
-    /// infinite. A point inside of a `solid` body is its own nearest; else the nearest point of the surface is meant.
+    /// Returns the point of any collider that is nearest to a given point, at most `max_m` metres away, which
+    /// may be infinite. With `solid`, a point inside a collider is its own nearest point; otherwise the
+    /// nearest point of the surface counts.
     pub fn project_point(
         &self,
         point: [f64; 3],
@@ -40,7 +41,7 @@ impl Queries<'_> {
         Ok(found.map(|(hit, ())| hit))
     }
 
-    /// Returns the nearest point of a surface, with the face, edge or vertex that it lies on.
+    /// Returns the nearest point of any surface, and the face, edge or vertex on which it lies.
     pub fn project_point_and_get_feature(
         &self,
         point: [f64; 3],
@@ -52,7 +53,7 @@ impl Queries<'_> {
         })
     }
 
-    /// Returns every collider that a point lies in, by id.
+    /// Returns every collider in which a point lies, in order of ids.
     ///
     /// ```
     /// # use dcd::physics::BodyFilter;

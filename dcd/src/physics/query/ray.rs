@@ -1,4 +1,4 @@
-//! Casts rays through all regions: finds the first hit, all hits along a ray, or as many as the program wants.
+//! Casts rays through all regions: finds the first hit, all hits along a ray, or as many as a program wants.
 
 use std::collections::BTreeSet;
 
@@ -10,31 +10,33 @@ use crate::physics::convert;
 use crate::physics::region::Region;
 use crate::space::{BodyId, Bounds};
 
-/// A ray starts this near to what it may hit, however far away its origin is, metres: a distance that f32 resolves to
-/// micrometres.
+/// The greatest distance from a ray's origin to the box of the colliders, metres, at which the ray is cast
+/// from its own origin. f32 resolves this distance to micrometres. From farther away the ray is cast from 1 m
+/// before the box.
 const NEAR_M: f64 = 256.0;
 
 /// A ray in world space: a straight line that begins at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorldRay {
-    /// Where it starts, in world space, metres.
+    /// The start of the ray, in world space, metres.
     pub origin: [f64; 3],
-    /// Where it goes; of any length above 0.
+    /// The direction, of any length above 0.
     pub direction: [f32; 3],
-    /// How far, metres, 0 or more; may be infinite.
+    /// The length of the ray, metres, 0 or more; may be infinite.
     pub max_m: f64,
-    /// Whether a body that the ray starts in is met there at once; else the ray meets its surface from inside.
+    /// Whether the ray hits a body that it starts in at once. Otherwise it hits the body's surface from
+    /// inside.
     pub solid: bool,
 }
 
 impl WorldRay {
-    /// Creates a ray without an end, which hits the bodies that it starts in.
+    /// Makes a ray of infinite length, which hits the bodies that it starts in.
     #[must_use]
     pub const fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, max_m: f64::INFINITY, solid: true }
     }
 
-    /// Returns the same ray, limited to this distance.
+    /// Returns the same ray with this length, metres.
     #[must_use]
     pub const fn up_to(self, max_m: f64) -> Self {
         Self { max_m, ..self }
@@ -45,29 +47,29 @@ impl WorldRay {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RayHit {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders, from 0 in order of insertion.
+    /// The index among the body's colliders, from 0 in order of insertion.
     pub collider: usize,
-    /// Where, in world space, metres.
+    /// The point of the hit in world space, metres.
     pub point: [f64; 3],
-    /// Outward unit normal of the surface there; zero where a solid ray starts inside.
+    /// The outward unit normal of the surface there; zero where a solid ray starts inside.
     pub normal: [f32; 3],
-    /// From the origin, metres.
+    /// The distance from the origin of the ray, metres.
     pub distance_m: f64,
-    /// Face, edge or vertex of the shape.
+    /// The face, edge or vertex of the shape.
     pub feature: FeatureId,
-    /// Part of a compound, triangle of a mesh.
+    /// The part of a compound, or the triangle of a mesh.
     pub subshape: u32,
 }
 
 impl Queries<'_> {
-    /// Returns the first hit of a ray; of equally near ones, that on the lowest id.
+    /// Returns the first hit of a ray; of equally near hits, that on the collider with the lowest id.
     pub fn cast_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Option<RayHit>, QueryError> {
         self.first_met(ray, filter)
     }
 
-    /// Returns the same by a filter of any form.
+    /// Returns the first hit of a ray, as [`Queries::cast_ray`] does, by any form of filter.
     pub(super) fn first_met(&self, ray: &WorldRay, filter: &impl Lets) -> Result<Option<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut best: Option<RayHit> = None;
@@ -91,8 +93,8 @@ impl Queries<'_> {
         Ok(best)
     }
 
-    /// Returns the regions where a ray may hit something, in the order in which it comes to them: after a hit it need not look any
-    /// farther.
+    /// Returns the regions where a ray may hit something, each with the distance at which the ray enters it,
+    /// nearest first. After a hit the ray need not look any farther.
     fn entered(&self, ray: &Straight) -> Vec<(f64, &Region)> {
         let enters = |region: &Region| ray.enters(region.moved().extent.as_ref()?, ray.max_m);
         let regions = self.host.regions();
@@ -101,7 +103,8 @@ impl Queries<'_> {
         entered
     }
 
-    /// Returns one hit on every collider that a ray meets, the nearest first; of equally near ones, that on the lowest id first.
+    /// Returns one hit on every collider that a ray meets, the nearest first; of equally near hits, that on
+    /// the lowest id first.
     pub fn intersect_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Vec<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut hits = Vec::new();
@@ -111,15 +114,16 @@ impl Queries<'_> {
             let met = answerer.pipeline.intersect_ray(local, reach, ray.solid);
             hits.extend(met.filter_map(|(handle, _, hit)| part.hit(answerer, &local, handle, &hit)));
         });
-        // A body that several regions hold answered in each of them.
+        // Several regions may have named the same immovable body.
         hits.sort_by(|a, b| (a.body, a.collider).cmp(&(b.body, b.collider)).then(order(a, b)));
         hits.dedup_by_key(|hit| (hit.body, hit.collider));
         hits.sort_by(order);
         Ok(hits)
     }
 
-    /// Calls `meet` with one hit on every collider that a ray meets, in no order, and no longer than it wants: it returns how far the
-    /// ray goes from then on, metres. Its distance leaves what is nearer, infinity everything, and 0 ends it.
+    /// Calls `meet` with one hit on every collider that a ray meets, in no particular order. `meet` returns
+    /// the length of the ray from then on, metres: the distance of the hit leaves only what is nearer,
+    /// infinity leaves everything, and 0 ends the query.
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, WorldRay};
@@ -146,7 +150,7 @@ impl Queries<'_> {
     ) -> Result<(), QueryError> {
         let ray = Straight::of(ray)?;
         let mut reach_m = ray.max_m;
-        // A body that several regions hold answers in each of them.
+        // Several regions may name the same immovable body.
         let mut met = self.are_several().then(BTreeSet::new);
         self.ask(filter, None, |answerer| {
             let Some(part) = ray.part(&answerer.extent(), reach_m).filter(|_| reach_m > 0.0) else { return };
@@ -155,7 +159,7 @@ impl Queries<'_> {
                 let Some(hit) = part.hit(answerer, &local, handle, &hit) else { continue };
                 let mut is_new = || met.as_mut().is_none_or(|met| met.insert((hit.body, hit.collider)));
                 if hit.distance_m <= reach_m && is_new() {
-                    // What is no number ends it too.
+                    // NaN ends the query too.
                     reach_m = meet(&hit).clamp(0.0, reach_m).max(0.0);
                     if reach_m == 0.0 {
                         return;
@@ -175,7 +179,8 @@ fn order(a: &RayHit, b: &RayHit) -> std::cmp::Ordering {
 struct Straight {
     origin: [f64; 3],
     direction: [f64; 3],
-    /// To multiply by, which is cheaper than to divide by the direction again for each box.
+    /// The inverse of the direction. Multiplying by it is cheaper than dividing by the direction for each
+    /// box.
     inverse: [f64; 3],
     max_m: f64,
     solid: bool,
@@ -196,18 +201,19 @@ impl Straight {
         Ok(Self { origin: ray.origin, direction, inverse, max_m: ray.max_m, solid: ray.solid })
     }
 
-    /// Returns the part of the ray that may hit something in a box, in f32; `None` if none may.
+    /// Returns the part of the ray that may hit something in a box; `None` if there is none.
     fn part(&self, extent: &Bounds, reach_m: f64) -> Option<Part<'_>> {
         let enter_m = self.enters(extent, reach_m)?;
         let start_m = if enter_m > NEAR_M { enter_m - 1.0 } else { 0.0 };
         Some(Part { ray: self, start_m, reach_m })
     }
 
-    /// Returns how far away the ray enters a box, 0 from inside; `None` if it does not.
+    /// Returns the distance at which the ray enters a box, metres, 0 from inside; `None` if it does not enter
+    /// it within `reach_m`.
     fn enters(&self, extent: &Bounds, reach_m: f64) -> Option<f64> {
         let (mut enter_m, mut leave_m) = (0.0f64, reach_m);
         for i in 0..3 {
-            // On the wide side of the rounding of the box to f32.
+            // The margin covers the rounding of the box to f32.
             let margin = 1e-3 + 1e-6 * (extent.min[i].abs().max(extent.max[i].abs())).min(1e9);
             let [low, high] = [extent.min[i] - margin, extent.max[i] + margin].map(|v| v - self.origin[i]);
             if self.direction[i] == 0.0 {
@@ -230,7 +236,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// In the space of the region, with its length.
+    /// Returns this part as a ray in region space, and its length, metres.
     fn local(&self, answerer: &Answerer<'_>) -> (Ray, f32) {
         let start: [f64; 3] =
             std::array::from_fn(|i| self.ray.origin[i] + self.start_m * self.ray.direction[i]);

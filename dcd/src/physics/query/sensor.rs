@@ -8,8 +8,9 @@ use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
 impl Queries<'_> {
-    /// Returns the movable bodies whose solid colliders overlap a sensor, by id; `None` if there is no such collider, or it is no sensor.
-    /// Of a pair of bodies each is where its own region has it, so that no border makes a difference.
+    /// Returns the movable bodies whose solid colliders overlap a sensor, in order of ids; `None` if there is
+    /// no such collider, or it is no sensor. Each body counts where its own region has it, so that no border
+    /// makes a difference.
     pub(crate) fn inside(&self, sensor: ColliderId) -> Result<Option<Vec<BodyId>>, QueryError> {
         let held = || self.host.regions().find_map(|region| Some((region, region.handle_of(sensor.body)?)));
         let Some((region, handle)) = self.host.owned(sensor.body).or_else(held) else { return Ok(None) };

@@ -130,7 +130,7 @@ impl BodyDef {
 }
 
 impl GridDef {
-    /// Builds the copies, x fastest, then y, then z; with a name they are `name[0]`, `name[1]` ….
+    /// Builds the copies, x fastest, then y, then z. With a name they are `name[0]`, `name[1]` ….
     pub(super) fn build(
         &self,
         mut push: impl FnMut(Option<&str>, SceneBody) -> Result<(), Fault>,

@@ -133,8 +133,9 @@ impl JointDef {
         Ok(joint)
     }
 
-    /// Returns the joint's frame on both bodies. The frame on `b`, if not given, follows from where the bodies start: joints hold
-    /// the pose they start in. Ropes and springs pull at the middle of `b` instead.
+    /// Returns the joint's frames on both bodies. If the anchor on `b` is not given, it follows from where
+    /// the bodies start: joints hold the pose they start in. Ropes and springs pull at the origin of `b`
+    /// instead.
     fn frames(&self, a: &WorldPose, b: &WorldPose) -> (Pose, Pose) {
         let turn = |pose: &WorldPose| Rotation::from_array(pose.rotation);
         let along =

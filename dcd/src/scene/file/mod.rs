@@ -97,7 +97,7 @@ fn parse(source: &Source<'_>, params: &Params) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// The bodies that have names.
+/// The indices of the bodies that have names.
 #[derive(Default)]
 struct Names(BTreeMap<String, usize>);
 

@@ -54,7 +54,7 @@ impl TryFrom<[f64; 3]> for Place {
     type Error = String;
 
     fn try_from(values: [f64; 3]) -> Result<Self, String> {
-        // Half of what f32 holds, so that no region overflows.
+        // A limit whose square f32 still holds, so that no region overflows.
         match values.iter().find(|v| !v.is_finite() || v.abs() >= 1e18) {
             None => Ok(Self(values)),
             Some(value) => Err(format!("{value} is not a finite number of metres below 1e18")),
@@ -116,7 +116,8 @@ pub(super) fn vector(values: [Finite; 3]) -> Vector {
     Vector::from(values.map(|value| value.0))
 }
 
-/// Returns the rotation of a quaternion or of turns about the fixed x, then y, then z axis, of which one at most is given.
+/// Returns the rotation of a quaternion, or of turns about the fixed x, then y, then z axis, degrees; an
+/// error if both are given.
 pub(super) fn rotation(
     quaternion: Option<Quaternion>,
     euler_deg: Option<[Finite; 3]>,

@@ -19,7 +19,7 @@ fn shipped(name: &str) -> Scene {
     Scene::load(path, &Params::new()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The error of a wrong file; asserts that it names the line, and each of the given parts.
+/// Asserts that a wrong file is refused with an error that names the line and each of the given parts.
 #[track_caller]
 fn refused(text: &str, line: usize, parts: &[&str]) {
     let error = read(text).expect_err("the file is wrong").to_string();

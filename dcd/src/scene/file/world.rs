@@ -13,10 +13,10 @@ use crate::scene::model::world_pose;
 use crate::scene::{AvatarHint, Params, Scene, SceneBody};
 use crate::space::{Axis, Balance, Bounds, MAX_REGIONS, Viewpoint};
 
-/// Room around the bodies when the file gives no bounds.
+/// The margin around the bodies if the file gives no bounds.
 const MARGIN_M: f64 = 1.0;
 
-/// Settings of the world; what is not given comes from the library scene, or is the default.
+/// The settings of the world. Those that are not given come from the library scene, or are the defaults.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WorldDef {
@@ -60,7 +60,7 @@ struct CutDef {
     at: Coordinate,
 }
 
-/// The start and the velocity of an avatar.
+/// The avatar of a client: its start, box, mass and velocity.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AvatarDef {
@@ -81,7 +81,8 @@ pub(super) struct LibraryDef {
 }
 
 impl WorldDef {
-    /// Changes the settings that the file gives. The first `inherited` bodies are the library's, whose bounds stand.
+    /// Applies the settings that the file gives. The first `inherited` bodies are the library's; without
+    /// bounds in the file the library's bounds stay, extended by the other bodies.
     pub(super) fn apply(&self, scene: &mut Scene, inherited: Option<usize>) -> Result<(), Fault> {
         if let Some(name) = &self.name {
             scene.name.clone_from(name);
@@ -98,7 +99,7 @@ impl WorldDef {
         if let Some(cuts) = &self.cuts {
             scene.cuts = cuts.iter().map(|cut| (cut.axis, cut.at.0)).collect();
         } else if self.regions.is_some() {
-            // Cuts win over a number, so those of the library go.
+            // Cuts take precedence over a number of regions, so the library's cuts are dropped.
             scene.cuts.clear();
         }
         if let Some(balance) = self.balance {
@@ -176,7 +177,7 @@ impl WorldDef {
     }
 }
 
-/// Returns the library's bounds extended by the bodies that the file added.
+/// Returns the library's bounds extended by the movable bodies that the file added.
 fn grown(bounds: Bounds, added: &[SceneBody]) -> Bounds {
     added
         .iter()
@@ -213,7 +214,7 @@ impl AvatarDef {
 }
 
 impl LibraryDef {
-    /// Builds the library scene with the file's parameters, changed by those given from outside.
+    /// Builds the library scene with the file's parameters; those given from outside take precedence.
     pub(super) fn start(&self, outside: &Params) -> Result<Scene, Fault> {
         let mut params = Params::new();
         for (name, value) in &self.params {

@@ -32,7 +32,7 @@ fn chain(values: &Values) -> Result<Scene, SceneError> {
     }
     let angle = (offset_m / length_m).asin();
     let turn = Rotation::from_rotation_z(angle as f32);
-    // A point this far along the chain; the anchor is the origin.
+    // The point at this distance along the chain; the anchor is the origin.
     let along = |distance_m: f64| [distance_m * angle.sin(), -distance_m * angle.cos(), 0.0];
 
     let mut scene = Scene::empty("chain");

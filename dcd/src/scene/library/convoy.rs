@@ -40,13 +40,13 @@ fn convoy(values: &Values) -> Result<Scene, SceneError> {
         self::car(&mut scene, [x, 0.0], speed_m_s);
     }
     let road_m = f64::from(values.number("road"));
-    // The last ones start before the road does.
+    // The last cars start before the road does.
     let tail_m = start_m - values.count("cars") as f64 * GAP_M;
     scene.bounds = Bounds::new([tail_m.min(0.0), 0.0, -20.0], [road_m, 8.0, 20.0]);
     Ok(scene)
 }
 
-/// Adds a car with its trailer that drives along x, at this place on the ground.
+/// Adds a car with its trailer at a place on the ground, driving along x.
 pub(super) fn car(scene: &mut Scene, [x, z]: [f64; 2], speed_m_s: f32) {
     let car = chassis(scene, [x, z], 1.2, 400.0, speed_m_s);
     let trailer = chassis(scene, [x - 4.0, z], 0.8, 100.0, speed_m_s);
@@ -61,7 +61,7 @@ pub(super) fn car(scene: &mut Scene, [x, z]: [f64; 2], speed_m_s: f32) {
 }
 
 fn chassis(scene: &mut Scene, [x, z]: [f64; 2], half_m: f32, mass_kg: f32, speed_m_s: f32) -> usize {
-    // Kept in lane: by itself a car of Rapier's strays a metre to the side every five.
+    // The body is kept in its lane: by itself a car of Rapier's strays a metre to the side in every five.
     let lane =
         LockedAxes::TRANSLATION_LOCKED_Z | LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y;
     let body = RigidBodyBuilder::dynamic().linvel(Vector::X * speed_m_s).locked_axes(lane).can_sleep(false);
@@ -69,7 +69,7 @@ fn chassis(scene: &mut Scene, [x, z]: [f64; 2], half_m: f32, mass_kg: f32, speed
     scene.push(WorldPose::at([x, 0.6, z]), body, collider)
 }
 
-/// Adds two wheels that roll as the chassis drives.
+/// Adds two wheels that roll at the speed of the chassis.
 fn axle(scene: &mut Scene, chassis: usize, x: f32, speed_m_s: f32, drive: bool) {
     for z in [-0.95, 0.95] {
         let anchor = Vector::new(x, RADIUS_M - 0.6, z);

@@ -22,7 +22,7 @@ pub(super) const DOMINO_RING: SceneInfo = SceneInfo {
     build: domino_ring,
 };
 
-/// Half of a domino: along the ring, upright, across.
+/// Half the size of a domino: along the ring, upright, across.
 const HALF_M: [f32; 3] = [0.08, 0.6, 0.3];
 const APART_M: f64 = 0.6;
 
@@ -44,11 +44,11 @@ fn domino_ring(values: &Values) -> Result<Scene, SceneError> {
         let angle = TAU * i as f64 / n as f64;
         let (sin, cos) = angle.sin_cos();
         let place = [middle_m + radius_m * cos, f64::from(HALF_M[1]), middle_m + radius_m * sin];
-        // Its own x axis is the way that the ring goes.
+        // The domino's own x axis points along the ring.
         let turn = Rotation::from_rotation_y((-cos).atan2(-sin) as f32);
         let mut body = RigidBodyBuilder::dynamic();
         if (i + 1) * starts / n > i * starts / n {
-            // About its foot.
+            // The domino turns about its foot.
             let rate = values.number("push");
             body = body.angvel(turn * Vector::Z * -rate).linvel(turn * Vector::X * (rate * HALF_M[1]));
         }

@@ -38,7 +38,8 @@ pub(super) const TERRAIN: SceneInfo = SceneInfo {
 fn heap(values: &Values) -> Result<Scene, SceneError> {
     /// Fraction of the volume that tumbled boxes fill.
     const FILLED: f64 = 0.6;
-    /// A unit box turned by up to 0.15 rad reaches 0.60 m at most from its centre; jitter adds 0.04.
+    /// The distance between the centres of boxes. A unit box turned by up to 0.15 rad reaches 0.60 m at most
+    /// from its centre; jitter adds 0.04.
     const PITCH_M: f64 = 1.3;
     let n = values.count("n");
     let side = (n as f64 / FILLED / f64::from(values.number("slenderness"))).cbrt().max(3.0);
@@ -47,7 +48,7 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
     let top = layers as f64 * PITCH_M;
 
     let mut scene = Scene::empty("heap");
-    // Twice as high as what hangs over it: boxes that bounce stay in.
+    // The walls are twice as high as the boxes that hang over the pit, so that boxes that bounce stay in.
     push_walls(&mut scene, 0.5 * side, 2.0 * top + 5.0, &ColliderBuilder::ball(1.0));
     scene.push_fixed_box(
         [0.0, -2.0, 0.0],
@@ -58,7 +59,7 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
     let kinds = if values.count("mixed") == 1 { 5 } else { 1 };
     for i in 0..n {
         let (layer, cell) = (i / (columns * columns), i % (columns * columns));
-        // Layers lie a little beside each other, or the boxes would land as towers.
+        // Layers are shifted a little against each other; otherwise the boxes would land as towers.
         let shift = if layer % 2 == 0 { -0.15 } else { 0.15 };
         let along = |k: usize| (k as f64 - 0.5 * (columns - 1) as f64) * PITCH_M + shift;
         let jitter = dice.in_cube(0.04).to_array().map(f64::from);
@@ -70,13 +71,13 @@ fn heap(values: &Values) -> Result<Scene, SceneError> {
         let pose = world_pose(place, dice.rotation(0.15));
         scene.push(pose, RigidBodyBuilder::dynamic(), shape(i % kinds, &mut dice));
     }
-    // Where much hangs over a narrow pit, the first cuts are to go through the heap, not over it.
+    // Where many boxes hang over a narrow pit, the first cuts go through the heap and not over it.
     let high = if values.number("slenderness") > 0.5 { top.min(side) } else { top };
     scene.bounds = Bounds::new([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, high, 0.5 * side]);
     Ok(scene)
 }
 
-/// Returns a unit box or another shape of about its size, none of which reaches further aside than a box.
+/// Returns a unit box, or another shape of about its size that reaches no further aside than a box.
 fn shape(kind: usize, dice: &mut Dice) -> ColliderBuilder {
     match kind {
         0 => ColliderBuilder::cuboid(0.5, 0.5, 0.5),
@@ -91,7 +92,7 @@ fn shape(kind: usize, dice: &mut Dice) -> ColliderBuilder {
 }
 
 fn terrain(values: &Values) -> Result<Scene, SceneError> {
-    /// Free fall is not to outrun the narrow phase: few layers on a wide field.
+    /// The number of layers: few, on a wide field, so that free fall does not outrun the narrow phase.
     const LAYERS: f64 = 4.0;
     const PITCH_M: f64 = 1.5;
     const RIM_M: f64 = 6.0;
@@ -116,7 +117,8 @@ fn terrain(values: &Values) -> Result<Scene, SceneError> {
             lowest + layer as f64 * PITCH_M + jitter[1],
             along(cell / columns) + jitter[2],
         ];
-        // Half edges up to 0.35: half a diagonal of 0.61 and the jitter stay within half a pitch.
+        // With half edges up to 0.35, half a diagonal (0.61) and the jitter (0.15) are together about half a
+        // pitch.
         let size = dice.between(0.2, 0.35);
         let collider = match i % 2 {
             0 => ColliderBuilder::cuboid(size, dice.between(0.2, 0.35), dice.between(0.2, 0.35)),
@@ -128,7 +130,8 @@ fn terrain(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Returns a square height field of 2 m cells: four waves of random direction, and a rim that rises towards the edge.
+/// Returns a square height field of 2 m cells: four waves of random direction, and a rim that rises towards
+/// the edge.
 fn hills(half_m: f64, relief_m: f64, rim_m: f64, dice: &mut Dice) -> ColliderBuilder {
     let waves: Vec<_> = (0..4)
         .map(|_| {
@@ -158,7 +161,7 @@ fn hills(half_m: f64, relief_m: f64, rim_m: f64, dice: &mut Dice) -> ColliderBui
     ColliderBuilder::heightfield_with_flags(heights, scale, HeightFieldFlags::FIX_INTERNAL_EDGES)
 }
 
-/// Adds four walls of 4 m around a square pit, from below its floor to this height.
+/// Adds four walls, 4 m thick, around a square pit, from below its floor to this height.
 fn push_walls(scene: &mut Scene, half_m: f64, height_m: f64, material: &ColliderBuilder) {
     const THICK_M: f64 = 4.0;
     const DEEP_M: f64 = 12.0;

@@ -29,7 +29,7 @@ pub(super) const DVE: SceneInfo = SceneInfo {
     summary: "the thesis's world (5.1): unit cubes moving freely without gravity in a cube of side cbrt(n / coverage)",
     params: &[
         count("n", "1000", 1, MOST, "cubes"),
-        // 0.004 n pairs overlap on average (4 n c at coverage c): as few as in table 5.1, 16 of 1000.
+        // On average 4 n c pairs overlap at coverage c: at 0.004, 16 of 1000, as few as in table 5.1.
         number("coverage", "0.004", [0.00001, 0.15], "", "share of the world that cubes fill"),
         number("speed", "2", [0.0, 50.0], "m/s", "highest speed at the start"),
         number(
@@ -47,7 +47,7 @@ pub(super) const DVE: SceneInfo = SceneInfo {
 
 fn gas(values: &Values) -> Result<Scene, SceneError> {
     const RADIUS_M: f32 = 0.25;
-    /// So small that it may turn in a cell of the densest gas.
+    /// Half the edge of a cube: so small that the cube may turn in a cell of the densest gas.
     const HALF_CUBE_M: f32 = 0.19;
     let n = values.count("n");
     let cubes = (f64::from(values.number("cubes")) * n as f64).round() as usize;
@@ -55,7 +55,7 @@ fn gas(values: &Values) -> Result<Scene, SceneError> {
     let reach_m = if cubes > 0 { f64::from(HALF_CUBE_M) * 3f64.sqrt() } else { 1.1 * f64::from(RADIUS_M) };
     let volume = (n - cubes) as f64 * 4.0 / 3.0 * std::f64::consts::PI * f64::from(RADIUS_M).powi(3)
         + cubes as f64 * (2.0 * f64::from(HALF_CUBE_M)).powi(3);
-    // A few balls still need a box that holds each in a cell of its own.
+    // Even a few balls need a box that holds each in a cell of its own.
     let cells = cells_for(n);
     let side = (volume / f64::from(values.number("fill"))).cbrt().max(cells as f64 * 2.0 * reach_m);
     let speed = values.number("speed");
@@ -66,7 +66,7 @@ fn gas(values: &Values) -> Result<Scene, SceneError> {
     let cube = elastic(ColliderBuilder::cuboid(HALF_CUBE_M, HALF_CUBE_M, HALF_CUBE_M));
     let cell_m = 0.5 * (side / cells as f64) as f32;
     let mut velocities: Vec<_> = (0..n).map(|_| speed * dice.direction()).collect();
-    // Without drift, so that momentum of the whole starts at zero.
+    // The mean velocity is subtracted, so that the momentum of equal bodies sums to zero at the start.
     let drift = velocities.iter().sum::<Vector>() / n as f32;
     if n > 1 {
         velocities.iter_mut().for_each(|velocity| *velocity -= drift);
@@ -84,10 +84,10 @@ fn gas(values: &Values) -> Result<Scene, SceneError> {
 }
 
 fn dve(values: &Values) -> Result<Scene, SceneError> {
-    /// Half a diagonal of a unit cube: turned in any way, it stays within.
+    /// Half the diagonal of a unit cube: the cube stays within this distance, however it is turned.
     const REACH_M: f32 = 0.866_1;
     let n = values.count("n");
-    // Where few fill much, each still has a cell of its own.
+    // Even where few cubes fill much of the world, each has a cell of its own.
     let least = cells_for(n) as f64 * 2.0 * f64::from(REACH_M);
     let side = (n as f64 / f64::from(values.number("coverage"))).cbrt().max(least);
     let room_m = (0.5 * (side / cells_for(n) as f64) as f32 - REACH_M).max(0.0);
@@ -110,7 +110,7 @@ fn dve(values: &Values) -> Result<Scene, SceneError> {
     Ok(closed(scene, side))
 }
 
-/// Returns the cells along one edge of the cube that gives each of n bodies a cell.
+/// Returns the number of cells along an edge of the smallest cube that has a cell for each of n bodies.
 fn cells_for(n: usize) -> usize {
     (1..).find(|k: &usize| k.pow(3) >= n).expect("some cube holds n cells")
 }

@@ -1,4 +1,5 @@
-//! Builds scenes with kinematic bodies that move others: boxes on belts, balls in a turning drum, cubes before an arm that sweeps.
+//! Builds scenes with kinematic bodies that move others: boxes on belts, balls in a turning drum, cubes
+//! before an arm that sweeps.
 
 use std::f64::consts::PI;
 
@@ -71,9 +72,9 @@ fn conveyor(values: &Values) -> Result<Scene, SceneError> {
     let unit = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
     for i in 0..n {
         let (stack, level) = (i / STACK, i % STACK);
-        // Belt after belt, so that the boxes that are missing are missing at the end of the last belts.
+        // Stacks go to one belt after the other, so that only the ends of the last belts lack boxes.
         let place = [along(stack / belts, half_x), level as f64 + 0.5, along(stack % belts, half_z)];
-        // From rest they would topple.
+        // Boxes that start at rest would topple.
         let body = RigidBodyBuilder::dynamic().linvel(velocity(stack % belts));
         scene.push(WorldPose::at(place), body, unit.clone());
     }
@@ -85,7 +86,7 @@ fn drum(values: &Values) -> Result<Scene, SceneError> {
     const RADIUS_M: f64 = 0.25;
     const PITCH_M: f64 = 0.6;
     let n = values.count("n");
-    // As long as wide; in a grid within its blades the balls fill a third of it.
+    // The drum is as long as wide. In a grid within its blades the balls fill a third of it.
     let (radius_m, places) = (4..)
         .map(|halves| 0.5 * f64::from(halves))
         .map(|radius_m| {
@@ -129,7 +130,7 @@ fn sweep(values: &Values) -> Result<Scene, SceneError> {
         let place = [along(i % side), f64::from(HALF_M), along(i / side)];
         scene.push(WorldPose::at(place), RigidBodyBuilder::dynamic(), cube.clone());
     }
-    // It turns clear of the plane, and begins between two rows.
+    // The arm turns clear of the plane, and begins between two rows.
     let between = if side.is_multiple_of(2) { 0.0 } else { 0.5 * PITCH_M };
     let turning = RigidBodyBuilder::kinematic_velocity_based().angvel(Vector::Y * values.number("speed"));
     let arm = ColliderBuilder::cuboid(reach_m, HALF_HIGH_M, HALF_M);
@@ -138,7 +139,7 @@ fn sweep(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Returns the points of a grid within a cylinder along z, from its lowest to its highest.
+/// Returns the points of a grid within a cylinder along z, from the lowest to the highest.
 pub(super) fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64; 3]> {
     let steps = (radius_m.max(half_length_m) / pitch_m) as i64;
     let line = move || (-steps..=steps).map(move |k| k as f64 * pitch_m);

@@ -25,11 +25,11 @@ pub(super) const RAGDOLLS: SceneInfo = SceneInfo {
 
 /// The bodies of a ragdoll.
 pub(super) const BODIES: usize = 11;
-/// Distance from ragdoll to ragdoll: none reaches further than half of it from its hips.
+/// The distance between ragdolls. No ragdoll reaches further than half of it from its hips.
 const PITCH_M: f64 = 2.2;
-/// Depth and height of a step. Steeper than friction holds.
+/// The depth and height of a step: steeper than friction holds.
 const STEP_M: [f64; 2] = [0.45, 0.35];
-/// Speed at which they start down the stairs.
+/// The speed at which ragdolls start down the stairs.
 const THROW_M_S: f32 = 3.0;
 /// Length of the floor at the foot of the stairs, along x.
 const LANDING_M: f64 = 10.0;
@@ -61,7 +61,8 @@ fn ragdolls(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// A part of a ragdoll: its position from the hips as it stands, arms stretched out, and its shape.
+/// A part of a ragdoll: its shape, and its position from the hips when the ragdoll stands with arms stretched
+/// out.
 struct Part {
     at: [f32; 3],
     shape: ColliderBuilder,
@@ -90,7 +91,7 @@ pub(super) fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multib
     for Part { at, shape } in &parts {
         let off = turn * Vector::from(*at);
         let place: [f64; 3] = std::array::from_fn(|i| hips[i] + f64::from(off[i]));
-        // All of it turns as one.
+        // All parts turn as one.
         let body = RigidBodyBuilder::dynamic().linvel(throw + spin.cross(off)).angvel(spin);
         scene.push(world_pose(place, turn), body, shape.clone().density(1000.0).friction(0.5));
     }

@@ -9,7 +9,7 @@ use crate::scene::params::Values;
 use crate::scene::{ParamInfo, Scene, SceneError};
 use crate::space::Bounds;
 
-/// Margin around the bodies: room for what moves a little, and the floor.
+/// The margin around the bodies: room for bodies that move a little, and for the floor.
 const MARGIN_M: f64 = 1.0;
 
 const GAP: ParamInfo = number("gap", "0.05", [0.0, 10.0], "m", "free space between neighbours of one layer");
@@ -117,7 +117,7 @@ fn wall(values: &Values) -> Result<Scene, SceneError> {
     let (gap_m, shot_m_s) = (f64::from(values.number("gap")), values.number("shot"));
     let left = -0.5 * width as f64;
     let mut scene = Scene::empty("wall");
-    // What was shot lands on it.
+    // The ball and what it knocks out land on the floor.
     push_floor(&mut scene, [-left, 0.25 + 3.0 * f64::from(shot_m_s)]);
     let brick = |length_m: f64| ColliderBuilder::cuboid(0.5 * (length_m - gap_m) as f32, 0.25, 0.25);
     let (full, half) = (brick(1.0), brick(0.5));
@@ -162,7 +162,8 @@ fn pile(values: &Values) -> Result<Scene, SceneError> {
     let (rise, lean) = (1.0 + f64::from(jitter), f64::from(values.number("lean")));
     for tower in 0..towers {
         let (row, k) = (tower / columns, tower % columns);
-        // From both ends towards the middle, so that a row that is not full still has two equal halves.
+        // Rows are filled from both ends towards the middle, so that a row that is not full still has two
+        // equal halves.
         let column = if k % 2 == 0 { k / 2 } else { columns - 1 - k / 2 };
         let x = (column as f64 + 0.5) * pitch - half_x;
         let z = (row as f64 + 0.5) * pitch - half_z;
@@ -172,17 +173,18 @@ fn pile(values: &Values) -> Result<Scene, SceneError> {
             push_box(&mut scene, [x, level as f64 * rise + 0.5, z + aside[2]], unit.clone());
         }
     }
-    // Never taller than long: the first cut is to fall between towers, not through them.
+    // The bounds are never taller than long: the first cut is to fall between towers, not through them.
     let top = ((height - 1) as f64 * rise + 1.0).min(2.0 * half_x);
     scene.bounds = Bounds::new([-half_x, 0.0, -half_z], [half_x, top, half_z]);
     if jitter > 0.0 || lean > 0.0 {
-        // What is to fall is cut through its towers instead: in the middle of the column beside the middle.
+        // Towers that are to fall are cut through instead: in the middle of the column beside the middle.
         scene.bounds.max[0] += pitch;
     }
     Ok(scene)
 }
 
-/// Returns columns along x (even, so that the middle falls between two) and rows along z, nearly square, none longer than x.
+/// Returns the number of columns along x, even, so that the middle falls between two, and of rows along z.
+/// The grid is nearly square, and no longer along z than along x.
 fn grid_of(towers: usize) -> (usize, usize) {
     let root = (towers as f64).sqrt().ceil() as usize;
     let first = root + root % 2;

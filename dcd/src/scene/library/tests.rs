@@ -35,7 +35,8 @@ fn scene(name: &str) -> Scene {
     build(name, &small(name)).unwrap()
 }
 
-/// Returns the deepest overlap of bodies that are not tied to each other: the ends of links meet in their joint.
+/// Returns the deepest overlap of bodies that are not tied to each other, metres: the ends of links meet in
+/// their joint.
 fn deepest_overlap_m(world: &PhysicsWorld) -> f32 {
     let tied = |pair: &&ContactPair| {
         let bodies = [pair.collider1, pair.collider2].map(|c| world.colliders[c].parent().unwrap());

@@ -27,10 +27,10 @@ pub(super) const TOWN: SceneInfo = SceneInfo {
 const PITCH_M: f64 = 60.0;
 const COLUMNS: usize = 6;
 const ROWS: usize = 4;
-/// How far the viewer looks.
+/// The radius of the viewpoint.
 const SIGHT_M: f64 = 50.0;
 const CAR_M_S: f32 = 12.0;
-/// The cars' lane is beside the middle of a street, along which the town is cut.
+/// The distance of the cars' lane from the middle of a street, along which the town is cut.
 const LANE_M: f64 = 5.0;
 
 /// What stands in a district.
@@ -76,7 +76,8 @@ fn town(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// The four districts at the viewpoint have one of each kind that moves; of the others two in five sleep.
+/// Returns what stands in a district. The four districts at the viewpoint are one of each kind that moves.
+/// Two in five of the others sleep.
 fn district(column: usize, row: usize) -> District {
     let balls = || District::Drums(ColliderBuilder::ball(0.25));
     let boxes = || District::Drums(ColliderBuilder::cuboid(0.2, 0.25, 0.3));
@@ -94,7 +95,7 @@ fn district(column: usize, row: usize) -> District {
     }
 }
 
-/// Towers of five unit boxes that sleep.
+/// Adds towers of five unit boxes that sleep.
 fn towers(scene: &mut Scene, [x, z]: [f64; 2], count: usize) {
     const HEIGHT: usize = 5;
     const GAP_M: f64 = 1.5;
@@ -108,7 +109,7 @@ fn towers(scene: &mut Scene, [x, z]: [f64; 2], count: usize) {
     }
 }
 
-/// Two turning drums with half of the bodies each.
+/// Adds two turning drums with half of the bodies each.
 fn drums(scene: &mut Scene, [x, z]: [f64; 2], count: usize, shape: &ColliderBuilder, dice: &mut Dice) {
     const GRID_M: f64 = 0.75;
     for (side, count) in [(-1.0, count / 2), (1.0, count - count / 2)] {
@@ -126,7 +127,7 @@ fn drums(scene: &mut Scene, [x, z]: [f64; 2], count: usize, shape: &ColliderBuil
     }
 }
 
-/// A turning drum with ragdolls.
+/// Adds a turning drum with ragdolls.
 fn dryer(scene: &mut Scene, [x, z]: [f64; 2], bodies: usize, dice: &mut Dice) {
     const GRID_M: f64 = 2.2;
     let count = bodies / ragdolls::BODIES;
@@ -148,9 +149,9 @@ fn turning(scene: &mut Scene, centre: [f64; 3], radius_m: f64) {
     });
 }
 
-/// A wall across z, and a heavy ball that flies at it.
+/// Adds a wall across z, and a heavy ball that flies at it.
 fn wall(scene: &mut Scene, [x, z]: [f64; 2], count: usize) {
-    /// What fits into a district.
+    /// The most bricks of a course that fit into a district.
     const WIDEST: usize = 50;
     let width = ((count as f64).sqrt() as usize).clamp(2, WIDEST);
     let brick = ColliderBuilder::cuboid(0.49, 0.25, 0.25);

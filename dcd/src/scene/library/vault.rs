@@ -27,7 +27,7 @@ const INNER_M: f64 = 3.0;
 /// Half of an arch's depth, and the free space behind it.
 const HALF_DEPTH_M: f64 = 0.5;
 const BEHIND_M: f64 = 0.1;
-/// Gap between two stones: of faces that lie exactly on one another, Parry takes some for a metre deep.
+/// The gap between two stones: Parry takes some faces that lie exactly on one another for a metre deep.
 const JOINT_M: f64 = 0.001;
 /// Free space between two arches.
 const BESIDE_M: f64 = 0.5;
@@ -52,7 +52,7 @@ fn vault(values: &Values) -> Result<Scene, SceneError> {
         for row in 0..rows {
             let z = (row as f64 + 0.5) * depth_m - half_m[1];
             for i in 0..stones {
-                // From the springing on the left over the crown to that on the right, measured from upright.
+                // The stone's angle from upright: from the left springing over the crown to the right one.
                 let lean = (i as f64 + 0.5) * angle - 0.5 * PI;
                 let centre = [x + mean_m * lean.sin(), mean_m * lean.cos(), z];
                 let turn = Rotation::from_rotation_z(-lean as f32);
@@ -60,13 +60,15 @@ fn vault(values: &Values) -> Result<Scene, SceneError> {
             }
         }
     }
-    // To one side further by an arch: the first cut goes through a crown where it would go between two arches.
+    // With an even number of arches, the bounds are wider by one arch on one side. The first cut then goes
+    // through a crown and not between two arches.
     let further_m = if arches.is_multiple_of(2) { pitch_m } else { 0.0 };
     scene.bounds = Bounds::new([-half_m[0], 0.0, -half_m[1]], [half_m[0] + further_m, outer_m, half_m[1]]);
     Ok(scene)
 }
 
-/// Returns a stone around the middle of its arch's thickness, leaning as much to both sides; its faces are given relative to that.
+/// Returns a stone that leans as much to both sides. Its origin is in the middle of the arch's thickness, and
+/// `faces_m` are its inner and outer face relative to that.
 fn wedge(half_angle: f64, faces_m: [f64; 2], mean_m: f64) -> SharedShape {
     let mut corners = Vec::with_capacity(8);
     for face_m in faces_m {

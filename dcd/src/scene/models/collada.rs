@@ -1,8 +1,10 @@
-//! Reads Collada files: the triangles of each geometry, as often as the scene instances it, in metres and where its node puts it.
-//! mesh-loader, which reads the other formats, places one instance of each, by the product of its nodes the wrong way round, and
-//! panics at indices of nothing.
+//! Reads Collada files: the triangles of each geometry, once per instance in the scene, in metres and at the
+//! place of its node. mesh-loader, which reads the other formats, does not do for Collada. It places one
+//! instance of each geometry, multiplies the transforms of nodes in the wrong order, and panics at indices
+//! that are out of range.
 //!
-//! Sections named are those of the [specification](https://www.khronos.org/files/collada_spec_1_4.pdf) of Collada 1.4.
+//! Section numbers are those of the [specification](https://www.khronos.org/files/collada_spec_1_4.pdf) of
+//! Collada 1.4.
 
 use std::collections::VecDeque;
 use std::collections::btree_map::{BTreeMap, Entry};
@@ -14,8 +16,8 @@ use roxmltree::Node;
 
 use super::source::{Fault, child, elements, parsed};
 
-/// The most bytes of a scene's nodes, each counted with those in it and as often as it is instanced. Nodes of which each instances
-/// the next twice are a small file of an endless scene.
+/// The most bytes of a scene's nodes, each counted with the nodes in it and as often as it is instanced. A
+/// small file whose nodes each instance the next one twice describes an endless scene.
 const MAX_SCENE: usize = 16 << 20;
 /// The most triangles of all instances together.
 const MAX_TRIANGLES: usize = 1 << 22;
@@ -23,15 +25,16 @@ const MAX_TRIANGLES: usize = 1 << 22;
 /// The corners of triangles.
 pub(super) type Corners = Vec<[Vector; 3]>;
 
-/// What a file shows.
+/// The content of a Collada file.
 pub(super) struct Collada {
     /// Instances of geometries that have triangles.
     pub(super) instances: Vec<Corners>,
-    /// Whether the file's own axes are z-up, or it says nothing of them. The numbers are as they stand in either case.
+    /// Whether the file's own axes are z-up, or it does not say. The numbers are taken as they stand in
+    /// either case.
     pub(super) z_up: bool,
 }
 
-/// Reads the text of a file.
+/// Reads the text of a Collada file.
 pub(super) fn read(text: &str) -> Result<Collada, Fault> {
     let document = parsed(text)?;
     let root = document.root_element();
@@ -53,7 +56,7 @@ pub(super) fn read(text: &str) -> Result<Collada, Fault> {
 /// The elements that others can point to, by kind and id.
 struct Library<'a, 'd>(BTreeMap<(&'a str, &'a str), Node<'a, 'd>>);
 
-/// A geometry and where it is.
+/// A geometry and its transform.
 type Placed<'a, 'd> = (Node<'a, 'd>, DAffine3);
 
 impl<'a, 'd> Library<'a, 'd> {
@@ -74,7 +77,7 @@ impl<'a, 'd> Library<'a, 'd> {
         })
     }
 
-    /// Returns the geometries of the scene, or of a file without a scene each once.
+    /// Returns the geometries of the scene, once per instance; in a file without a scene, each geometry once.
     fn placed(&self, root: Node<'a, 'd>, unit: DAffine3) -> Result<Vec<Placed<'a, 'd>>, Fault> {
         let scene = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
         let Some(scene) = scene else {
@@ -165,7 +168,8 @@ impl<'a, 'd> Library<'a, 'd> {
     }
 }
 
-/// Returns the product of a node's transforms: the one that is written last is applied first (section 5, `<node>`).
+/// Returns the product of a node's transforms. The one that is written last is applied first (section 5,
+/// `<node>`).
 fn transform(node: Node<'_, '_>) -> Result<DAffine3, Fault> {
     let mut product = DAffine3::IDENTITY;
     for child in elements(node) {
@@ -200,7 +204,8 @@ fn transform(node: Node<'_, '_>) -> Result<DAffine3, Fault> {
     Ok(product)
 }
 
-/// Returns the vertices of each triangle of an element, whose polygons are cut into fans; none of one that has no triangles.
+/// Returns the vertex indices of each triangle of an element, with polygons cut into fans; none for an
+/// element without triangles.
 fn faces(primitive: Node<'_, '_>) -> Result<Vec<[usize; 3]>, Fault> {
     let kind = primitive.tag_name().name();
     if !["triangles", "polylist", "polygons", "trifans", "tristrips"].contains(&kind) {
@@ -209,7 +214,7 @@ fn faces(primitive: Node<'_, '_>) -> Result<Vec<[usize; 3]>, Fault> {
     if let Some(holes) = child(primitive, "ph") {
         return Err(Fault::at(holes, "polygons with holes cannot be read", "export triangles"));
     }
-    // For each corner there is an index per offset, of which one is the vertex.
+    // Each corner has one index per offset; one of them is the vertex.
     let offset = whole(input(primitive, "VERTEX")?, "offset", 0)?;
     let mut last = offset;
     for input in elements(primitive).filter(|node| node.has_tag_name("input")) {
@@ -264,7 +269,7 @@ fn input<'a, 'd>(node: Node<'a, 'd>, semantic: &str) -> Result<Node<'a, 'd>, Fau
     })
 }
 
-/// Returns an attribute that is a whole number.
+/// Returns an attribute that is a whole number, or `default` if it is not there.
 fn whole(node: Node<'_, '_>, attribute: &str, default: usize) -> Result<usize, Fault> {
     node.attribute(attribute).map_or(Ok(default), |text| number(node, text.trim()))
 }

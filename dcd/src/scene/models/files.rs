@@ -1,4 +1,4 @@
-//! Keeps a model to the files of its own folder: one that comes from elsewhere could name any other.
+//! Restricts a model to the files of its own folder: a model from elsewhere could name any other file.
 
 use std::path::{Path, PathBuf};
 
@@ -6,12 +6,13 @@ use super::source::Fault;
 
 /// The files that a model may open.
 pub(super) struct Files {
-    /// The folder of all of them, without links; `None`: they may lie anywhere.
+    /// The folder in which all of them lie, its path without links; `None` if they may lie anywhere.
     folder: Option<PathBuf>,
 }
 
 impl Files {
-    /// Returns those of a model: of its folder, or of the ROS package that this belongs to.
+    /// Returns the files of a model: those of its folder, or of the ROS package to which the folder belongs.
+    /// With `outside` they may lie anywhere.
     pub(super) fn of(model: &Path, outside: bool) -> Self {
         let own = || {
             let whole = canonical(model);
@@ -22,7 +23,8 @@ impl Files {
         Self { folder: (!outside).then(own) }
     }
 
-    /// Refuses a file that lies elsewhere, and not in `package` either, if that is one of ROS. What is not there is refused by who reads it.
+    /// Refuses a file outside of the folder, unless it lies in `package` and that is a ROS package. A missing
+    /// file is refused by its reader.
     pub(super) fn check(&self, path: &Path, package: Option<&Path>) -> Result<(), Fault> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let file = canonical(path);
@@ -39,7 +41,7 @@ fn is_package(folder: &Path) -> bool {
     folder.join("package.xml").is_file()
 }
 
-/// Returns the path without links, by which a file is known again.
+/// Returns a path without links, by which a file is recognised.
 pub(super) fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_owned())
 }

@@ -1,4 +1,4 @@
-//! Reads meshes from files, and builds hulls, triangle shapes and masses of them.
+//! Reads meshes from files, and builds hulls, triangle shapes and masses from them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -43,7 +43,8 @@ impl Meshes {
     }
 }
 
-/// Returns the meshes of a file, and whether their axes are z-up as far as it says.
+/// Returns the meshes of a file, and whether their axes are z-up, which they are unless the file says
+/// otherwise.
 fn read(path: &Path) -> Result<(Vec<Triangles>, bool), Fault> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if !["obj", "stl", "dae"].contains(&extension.as_str()) {
@@ -72,8 +73,8 @@ fn read(path: &Path) -> Result<(Vec<Triangles>, bool), Fault> {
     Ok((meshes, z_up))
 }
 
-/// Reads an obj or stl file, without the materials that an obj names: they may be any file, of any size, and nothing collides
-/// with a colour.
+/// Reads an obj or stl file, without the materials that an obj names: they could be any file of any size, and
+/// nothing collides with a colour.
 fn load(bytes: &[u8], path: &Path) -> Result<Vec<Triangles>, Fault> {
     let no_materials = |_: &Path| -> io::Result<Vec<u8>> { Err(io::ErrorKind::NotFound.into()) };
     let scene = mesh_loader::Loader::default().load_from_slice_with_reader(bytes, path, no_materials);
@@ -88,14 +89,15 @@ fn indexed(corners: Corners) -> Triangles {
     (corners.into_flattened(), faces)
 }
 
-/// Returns the convex hull, if it has a volume and can be sent. Parry fails at some rings of many points in a plane; the hull of the
-/// points that lie farthest in many directions stands in for those.
+/// Returns the convex hull of points, if it has a volume and can be sent. Parry fails at some rings of many
+/// points in a plane. Then the hull of the points that lie farthest in many directions stands in.
 pub(super) fn hull(points: &[Vector]) -> Option<SharedShape> {
     let of = |points: &[Vector]| SharedShape::convex_hull(points).filter(travels);
     of(points).or_else(|| [512, 256, 128, 64].into_iter().find_map(|count| of(&outermost(points, count))))
 }
 
-/// Returns the points that lie farthest in so many directions, spread evenly over the sphere, each once.
+/// Returns the points that lie farthest in `count` directions, spread evenly over the sphere, each point
+/// once.
 fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
     let golden = std::f32::consts::PI * (5f32.sqrt() - 1.0);
     let directions = (0..count).map(|i| {
@@ -111,15 +113,16 @@ fn outermost(points: &[Vector], count: usize) -> Vec<Vector> {
     chosen.into_iter().map(|index| points[index]).collect()
 }
 
-/// Returns the triangles as they are.
+/// Returns the triangles as they are, if they can be sent.
 pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option<SharedShape> {
     SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::MERGE_DUPLICATE_VERTICES)
         .ok()
         .filter(travels)
 }
 
-/// Returns the mass, at density 1, as MuJoCo takes it of a mesh unless it is told otherwise: that of the pyramids over all triangles
-/// whose common tip is the middle of the surface, each counted as positive. Exact for convex meshes.
+/// Returns a mesh's mass at density 1 as MuJoCo computes it by default: that of the pyramids over all
+/// triangles, whose common tip is the middle of the surface. Each pyramid counts as positive. The mass is
+/// exact for convex meshes.
 pub(super) fn pyramids(points: &[Vector], triangles: &[[u32; 3]]) -> MassProperties {
     let corners = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize].as_dvec3());
     let (mut area, mut tip) = (0.0, DVec3::ZERO);

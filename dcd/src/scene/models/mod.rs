@@ -1,8 +1,9 @@
-//! Loads scenes from MJCF and URDF files, through Rapier's loaders. What they get wrong is put right here, and what a dcd world
-//! cannot have is refused or warned of by name: `dcd/scenes/models/README.md` has the table, checked by a test.
+//! Loads scenes from MJCF and URDF files, through Rapier's loaders. What the loaders get wrong is corrected
+//! here. What a dcd world cannot have is refused or warned of by name: `dcd/scenes/models/README.md` has the
+//! table, checked by a test.
 //!
-//! [`mjcf`] and [`urdf`] read a file into a [`Model`]; [`weights`] gives mass to bodies that the formats leave without;
-//! [`placing`] makes a scene of copies of it.
+//! [`mjcf`] and [`urdf`] read a file into a [`Model`]. [`weights`] gives mass to bodies to which the formats
+//! give none. [`placing`] makes a scene of copies of the model.
 
 mod collada;
 mod files;

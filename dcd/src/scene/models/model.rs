@@ -1,4 +1,4 @@
-//! Defines a model as its file describes it, before it is placed: bodies, joints, and pairs that may not touch.
+//! Defines a model as its file describes it, before it is placed: bodies, joints, and pairs that never touch.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::warnings::Warnings;
 use crate::physics::{LinkSettings, link_fault};
 use crate::scene::SceneJoint;
 
-/// The most bodies of a model: some of what is done for them goes by the square of their number.
+/// The most bodies of a model: some of the work grows with the square of their number.
 pub(super) const MAX_BODIES: usize = 20_000;
 /// The most pairs of bodies of a model that never touch.
 pub(super) const MAX_PAIRS: usize = 100_000;
@@ -44,9 +44,9 @@ pub(super) struct ModelJoint {
     pub(super) a: usize,
     pub(super) b: usize,
     pub(super) joint: GenericJoint,
-    /// Whether it is part of the tree of bodies, and not a loop that closes it.
+    /// Whether it is part of the tree of bodies, and does not close a loop.
     pub(super) tree: bool,
-    /// Its settings as a link of a multibody, if it is to be one.
+    /// The joint's settings as a link of a multibody, if it is to be one.
     pub(super) link: Option<LinkSettings>,
 }
 
@@ -58,15 +58,16 @@ impl Model {
         }
     }
 
-    /// Returns whether a joint of the tree can be a link of a multibody: others stay impulse joints.
+    /// Returns whether a joint of the tree can be a link of a multibody. Others stay impulse joints.
     pub(super) fn links(&self, a: usize, b: usize, joint: &GenericJoint) -> bool {
         let is_root = self.parts[a].is_dynamic() || self.parts[a].is_fixed();
         let can_be = a != b && is_root && self.parts[b].is_dynamic();
         can_be && !joint.locked_axes.is_empty() && link_fault(joint).is_none()
     }
 
-    /// Returns the joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint
-    /// of the file keeps from touching. Such a joint can be sent between regions, Rapier's hooks cannot.
+    /// Returns the joints of the scene: those of the file, and one without effect for each pair that never
+    /// touches and that no joint of the file keeps from touching. Such a joint can be sent between regions;
+    /// Rapier's hooks cannot.
     pub(super) fn scene_joints(&self) -> Vec<SceneJoint> {
         let silent: BTreeSet<_> = self
             .joints
@@ -90,8 +91,8 @@ impl Model {
 }
 
 impl Part {
-    /// Builds a part from what a loader built and did not insert. Its joints' hooks are left out: they cannot be sent, and a collider
-    /// that has one computes all its contacts anew in every step.
+    /// Builds a part from a body that a loader built and did not insert. The hooks of its joints are left
+    /// out: they cannot be sent, and a collider that has one computes all its contacts anew in every step.
     pub(super) fn of(name: String, body: &RigidBody, colliders: Vec<ColliderBuilder>) -> Self {
         let builder = RigidBodyBuilder::new(body.body_type())
             .linvel(body.linvel())
@@ -110,7 +111,7 @@ impl Part {
     }
 }
 
-/// Returns the mass of a loader's body, which has none from its colliders.
+/// Returns the mass of a loader's body, whose colliders have none.
 pub(super) fn mass_of(body: &RigidBody) -> MassProperties {
     match body.mass_properties().additional_local_mprops.as_deref() {
         Some(RigidBodyAdditionalMassProps::MassProps(mass)) => *mass,
@@ -132,8 +133,9 @@ pub(super) fn is_weld(joint: &GenericJoint) -> bool {
     joint.locked_axes == JointAxesMask::LOCKED_FIXED_AXES
 }
 
-/// Removes limits of a whole turn or more from a hinge that is an impulse joint, and returns whether it did. Rapier reads such a
-/// hinge's angle off the poses, within one turn about the middle of its limits; it then has no limits either.
+/// Removes limits of a whole turn or more from a hinge that is an impulse joint, and returns whether it did.
+/// Rapier reads the angle of such a hinge off the poses, within one turn about the middle of its limits, so
+/// that limits this wide have no effect.
 pub(super) fn drop_wide_limits(joint: &mut GenericJoint) -> bool {
     let limits = &joint.limits[JointAxis::AngX as usize];
     let wide =

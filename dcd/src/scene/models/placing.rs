@@ -15,7 +15,7 @@ const ROOM: f64 = 0.2;
 /// Least distance of copies without size.
 const LEAST_SPACING_M: f64 = 0.2;
 
-/// Places the copies, in rows of growing x, then y.
+/// Places the copies in rows, first along x, then y.
 pub(super) fn place(model: Model, params: &ModelParams) -> Scene {
     let mut scene = Scene::empty(&model.name);
     scene.gravity = model.gravity;
@@ -55,7 +55,8 @@ fn bodies_of(model: &Model, sleep: bool) -> Vec<SceneBody> {
     bodies.collect()
 }
 
-/// Adds a copy. Infinite bodies are placed once. A fixed body of which nothing else is left is left out too.
+/// Adds a copy. Infinite colliders are placed once, with the first copy. A body that has no others is then
+/// left out of further copies, unless a joint ties it.
 fn add_copy(scene: &mut Scene, bodies: &[SceneBody], joints: &[SceneJoint], copy: usize, offset: [f64; 3]) {
     let mut placed = vec![None; bodies.len()];
     for (index, body) in bodies.iter().enumerate() {

@@ -7,14 +7,15 @@ use roxmltree::{Document, Node};
 use crate::scene::SceneError;
 use crate::scene::bounded::read_text;
 
-/// How deep elements may lie in one another: readers of models call themselves for each level, and a robot has some tens.
+/// The most elements that may lie in one another. Readers of models recurse once per level, and a robot has
+/// some tens.
 const MAX_LEVELS: usize = 256;
 
 /// A model file as text.
 pub(super) struct Source {
     pub(super) path: PathBuf,
     pub(super) text: String,
-    /// Whether the lines of the text are those of the file: they are not where it includes others.
+    /// Whether the lines of the text are those of the file. They are not if it includes others.
     pub(super) own_lines: bool,
 }
 
@@ -113,7 +114,7 @@ pub(super) fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, '
     elements(node).find(|child| child.has_tag_name(name))
 }
 
-/// Returns the value of an attribute without which the element means nothing.
+/// Returns the value of an attribute that an element must have.
 pub(super) fn required<'a>(node: Node<'a, '_>, attribute: &str) -> Result<&'a str, Fault> {
     node.attribute(attribute).ok_or_else(|| {
         let cause = format!("<{}> without {attribute}", node.tag_name().name());
@@ -125,8 +126,8 @@ fn line_of(node: Node<'_, '_>) -> usize {
     node.document().text_pos_at(node.range().start).row as usize
 }
 
-/// Removes the XML declaration, and zeros at the end: many files have something before the one or end with the others, which XML
-/// forbids and their own readers allow.
+/// Removes the XML declaration, and zeros and white space at the end. Many files have something before the
+/// declaration or end with zeros. XML forbids both, but the readers of such files allow them.
 fn without_declaration(mut text: String) -> String {
     text.truncate(text.trim_end_matches(['\0', ' ', '\r', '\n', '\t']).len());
     if let Some(start) = text.find("<?xml")

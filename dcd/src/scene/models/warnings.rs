@@ -10,7 +10,8 @@ pub(super) struct Warnings(BTreeMap<&'static str, (&'static str, Vec<String>)>);
 const SHOWN: usize = 3;
 
 impl Warnings {
-    /// Notes that `what` (the feature, as the table calls it) of `whom` is not as the file says, but as `how` says.
+    /// Notes that `what` of `whom` is not as the file says, but as `how` says. `what` is the feature, as the
+    /// table calls it.
     pub(super) fn add(&mut self, what: &'static str, whom: impl Into<String>, how: &'static str) {
         self.0.entry(what).or_insert((how, Vec::new())).1.push(whom.into());
     }

@@ -1,5 +1,5 @@
-//! Gives mass to bodies that the formats leave without. Rapier's impulse joints take a body without mass for an immovable one; in
-//! both formats such bodies are frames that move along with others.
+//! Gives mass to bodies to which the formats give none. Rapier's impulse joints take a body without mass for
+//! an immovable one, but in both formats such bodies are frames that move along with others.
 
 use std::collections::VecDeque;
 
@@ -50,7 +50,7 @@ fn fix_welded(model: &mut Model) {
     let Model { parts, joints, .. } = model;
     loop {
         let before = joints.len();
-        // Most come after those of their parents: once through all is mostly enough.
+        // Most joints come after those of their parents, so that one pass is mostly enough.
         joints.retain(|joint| {
             let ends = [joint.a, joint.b];
             let fixes =
@@ -68,12 +68,13 @@ fn fix_welded(model: &mut Model) {
     }
 }
 
-/// Moves some mass of the nearest body that has some, those welded on first, to a body without, as a ball at the joint through
-/// which they are tied. What the two weigh together, where their centre of mass is and how they turn about it stays the same,
-/// and does so when the joint turns, since a ball at the hinge does not notice.
+/// Moves some mass from the nearest body that has some, welded bodies first, to a body without. There it is a
+/// ball at the joint through which the two are tied. Together the two keep their mass, their centre of mass,
+/// and their inertia about it. This holds when the joint turns too, since a turn does not change a ball at
+/// the hinge.
 ///
-/// Where the body without slides, a rail would bear the weight that it borrows: there the lender keeps the weight, and the
-/// ball is at the lender's centre of mass.
+/// If the body without mass slides, a rail would bear the weight that it borrows. Then the lender keeps the
+/// weight, and the ball is at the lender's centre of mass.
 fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
     let Some((donor, joint)) = donor(model, poor) else {
         let cause = format!(
@@ -106,8 +107,8 @@ fn borrow(model: &mut Model, poor: usize) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Returns the nearest body with mass, by welds if there is one, else by any joint of the tree, children before parents; and the
-/// joint through which the poor body is tied towards it.
+/// Returns the nearest dynamic body with mass and inertia, and the joint through which the poor body is tied
+/// towards it. Welds are followed first, then all joints of the tree, children before parents.
 fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
     let ties = |only_welds: bool| {
         let mut seen = vec![false; model.parts.len()];
@@ -120,7 +121,7 @@ fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
             {
                 return Some((at, first));
             }
-            // What is fixed ties nothing that moves to anything else that does.
+            // A fixed body ties no moving body to another.
             if model.parts[at].is_fixed() {
                 continue;
             }
@@ -142,7 +143,8 @@ fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
     ties(true).or_else(|| ties(false))
 }
 
-/// Splits a body's mass into a rest and a ball at a point (both in its space) that together are what it was.
+/// Splits a body's mass into a rest and a ball that together are what it was. `at` is where the ball belongs,
+/// in the body's space; the ball itself is returned about its own centre.
 fn split(whole: &MassProperties, at: Vector) -> (MassProperties, MassProperties) {
     let (mass, inertia) = (whole.mass(), whole.reconstruct_inertia_matrix());
     let least = whole.principal_inertia().min_element();
@@ -151,7 +153,7 @@ fn split(whole: &MassProperties, at: Vector) -> (MassProperties, MassProperties)
     loop {
         let (lent, turning) = (mass * share, least * share);
         let kept = mass - lent;
-        // What two point masses on a line through the common centre turn by.
+        // The inertia of two point masses on a line through their common centre of mass.
         let pair =
             (Matrix::from_diagonal(Vector::splat(arm.length_squared())) - outer(arm)) * (lent * mass / kept);
         let rest = inertia - pair - Matrix::from_diagonal(Vector::splat(turning));

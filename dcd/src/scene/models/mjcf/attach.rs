@@ -1,5 +1,6 @@
-//! Checks the models that a file attaches. Rapier's reader opens them itself, whatever they are, and leaves out what it cannot
-//! read with a line in a log: here each is read before, within bounds, and refused by name.
+//! Checks the models that a file attaches. Rapier's reader opens them itself, whatever they are. What it
+//! cannot read it leaves out, with a line in a log. So each model is read here first, within bounds, and
+//! refused by name.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,26 +15,26 @@ use crate::scene::models::files::{Files, canonical};
 use crate::scene::models::source::{Fault, Source, required};
 use crate::scene::models::warnings::Warnings;
 
-/// The most bytes of a model with all that it attaches, counted as often as it does.
+/// The most bytes of a model with all that it attaches, each counted as often as it is attached.
 const MAX_TEXT: usize = 16 << 20;
-/// The most models of which each is attached by the one before.
+/// The most models in a chain in which each is attached by the one before.
 const MAX_CHAIN: usize = 64;
 
-/// The files that attach one another, each by the one before, and itself.
+/// The chain of files that are being read, each attached by the one before, and the files that may be opened.
 struct Open<'a> {
     files: &'a Files,
     chain: Vec<PathBuf>,
 }
 
-/// A model that is there to be attached.
+/// A model that a file attaches.
 struct Attachable {
     file: mjcf::Model,
     flags: Flags,
-    /// With all that it attaches.
+    /// The bytes of its text, with all that it attaches.
     bytes: usize,
 }
 
-/// Checks the models that the file attaches, and that those attach, and adds their flags to the file's.
+/// Checks the models that the file attaches, and those that they attach, and adds their flags to the file's.
 pub(super) fn check(
     source: &Source,
     document: &Document<'_>,
@@ -45,7 +46,7 @@ pub(super) fn check(
     attached(source, document, flags, warnings, &mut open).map(drop)
 }
 
-/// Returns the bytes of the file with all that it attaches.
+/// Checks the models that a file attaches, and returns the bytes of the file with all that it attaches.
 fn attached(
     source: &Source,
     document: &Document<'_>,
@@ -106,7 +107,8 @@ fn attached(
     Ok(bytes)
 }
 
-/// Reads a model that is to be attached, as the reader will: its text cannot be changed before.
+/// Reads a model that is to be attached. Rapier's reader will read the same text: it cannot be changed
+/// before.
 fn read(path: &Path, warnings: &mut Warnings, open: &mut Open<'_>) -> Result<Attachable, SceneError> {
     let source = Source::read(path)?;
     let document = source.document("mujoco")?;
@@ -120,7 +122,7 @@ fn read(path: &Path, warnings: &mut Warnings, open: &mut Open<'_>) -> Result<Att
         let remedy = format!("write {}=\"{}\" into the geom", attribute.name(), attribute.value());
         return Err(source.fault(Fault::at(*geom, cause, remedy)));
     }
-    // The text of the file itself is changed for these; that of a model that it attaches cannot be.
+    // In the file itself the text is changed for these; in a model that it attaches it cannot be.
     if let Some((body, _)) = poses::sleepers(&document).next() {
         let cause = "`sleep` of a body, in a model that is attached, cannot be read";
         return Err(source.fault(Fault::at(body, cause, "take it out")));

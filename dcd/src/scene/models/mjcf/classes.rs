@@ -11,10 +11,10 @@ pub(super) fn attribute<'a, 'd>(node: Node<'a, 'd>, names: &[&str]) -> Option<At
     node.attributes().find(|attribute| names.contains(&attribute.name()))
 }
 
-/// The classes of `<default>`, by name, and what they say of one kind of elements.
+/// The classes of `<default>` by name, and what they say of one kind of element.
 pub(super) struct Classes<'a, 'd> {
     known: BTreeMap<&'a str, Vec<Node<'a, 'd>>>,
-    /// The class that each lies in.
+    /// The class that each class lies in.
     parents: BTreeMap<&'a str, &'a str>,
 }
 
@@ -33,7 +33,8 @@ impl<'a, 'd> Classes<'a, 'd> {
         classes
     }
 
-    /// Returns the attribute that another element gives to this one: the last of its class that has it, or of the nearest class around.
+    /// Returns the attribute that an element inherits: that of the last other element of its class that has
+    /// one, else of the nearest class around.
     pub(super) fn inherited(&self, node: Node<'a, 'd>, names: &[&str]) -> Option<Attribute<'a, 'd>> {
         let mut seen = Vec::new();
         let mut next = Some(class_of(node));
@@ -59,7 +60,8 @@ fn name_of<'a>(default: Node<'a, '_>) -> &'a str {
     default.ancestors().filter(is_default).find_map(|node| node.attribute("class")).unwrap_or("main")
 }
 
-/// Returns the class of an element: that of the `<default>` that it stands in, its own, or that of the nearest body or frame around.
+/// Returns the class of an element: that of the `<default>` in which it stands, else its own, else that of
+/// the nearest body or frame around it.
 fn class_of<'a>(node: Node<'a, '_>) -> &'a str {
     if let Some(default) = node.parent().filter(is_default) {
         return name_of(default);

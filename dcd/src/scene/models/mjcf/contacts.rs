@@ -10,8 +10,8 @@ use crate::scene::models::model::MAX_PAIRS;
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
-/// Gives a collider the geom's friction and groups. Two geoms touch if the type of one is among the affinities of the other,
-/// either way, and with the larger friction of the two.
+/// Gives a collider the geom's friction and groups. Two geoms touch if the type of either is among the
+/// affinities of the other. The larger friction of the two counts.
 pub(super) fn touch(collider: ColliderBuilder, geom: &Geom, contact: bool) -> ColliderBuilder {
     let [types, affinities] = if contact { [geom.contype, geom.conaffinity] } else { [0, 0] };
     let groups = InteractionGroups::new(
@@ -23,14 +23,15 @@ pub(super) fn touch(collider: ColliderBuilder, geom: &Geom, contact: bool) -> Co
     collider.collision_groups(groups).friction(friction).friction_combine_rule(CoefficientCombineRule::Max)
 }
 
-/// Returns the pairs of the loader's bodies that never touch: those welded together, those tied by a joint (but not to the world),
-/// and those excluded.
+/// Returns the pairs of the loader's bodies that never touch: those welded together, with `filter_parent`
+/// those tied by a joint (but not to the world), and those excluded.
 pub(super) fn apart(
     robot: &MjcfRobot,
     file: &mjcf::Model,
     filter_parent: bool,
 ) -> Result<BTreeSet<(usize, usize)>, Fault> {
-    // The body that each is finally welded to, and that one's parent, welded likewise; the world is 0.
+    // For each body, the body to which it is finally welded, and the parent of that, resolved likewise; the
+    // world is 0.
     let mut weld = vec![0; file.bodies.len()];
     let mut parent = vec![0; file.bodies.len()];
     for (index, entry) in file.bodies.iter().enumerate().skip(1) {
@@ -73,7 +74,7 @@ pub(super) fn apart(
     Ok(pairs)
 }
 
-/// Warns of properties of contacts that MuJoCo has and dcd has not.
+/// Warns of properties of contacts that MuJoCo has and dcd does not.
 pub(super) fn warn(file: &mjcf::Model, warnings: &mut Warnings) {
     for pair in &file.contact.pairs {
         let names = format!("{} with {}", pair.geom1, pair.geom2);

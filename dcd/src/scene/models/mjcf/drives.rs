@@ -1,7 +1,9 @@
-//! Builds one motor per axis from what drives and brakes joints: springs, damping and dry friction of `<joint>`, and `<actuator>`s.
+//! Builds one motor per axis from what drives and brakes joints: springs, damping and dry friction of
+//! `<joint>`, and `<actuator>`s.
 //!
-//! MuJoCo adds forces: -k (q - r) - d v of the joint, and of each servo K (T - q) + D (V - v). Their sum is a motor of Rapier
-//! with stiffness k + ΣK, damping d + ΣD, and the targets at which it is at rest, by force and not by acceleration.
+//! MuJoCo adds forces: -k (q - r) - d v of the joint, and K (T - q) + D (V - v) of each servo. Their sum is a
+//! force-based Rapier motor, not an acceleration-based one, with stiffness k + ΣK, damping d + ΣD, and the
+//! targets at which it is at rest.
 
 use rapier3d::prelude::*;
 use rapier3d_mjcf::mjcf_rs::body::{Joint, JointType};
@@ -10,7 +12,7 @@ use rapier3d_mjcf::mjcf_rs::extras::{Actuator, ActuatorKind};
 use crate::physics::LinkSettings;
 use crate::scene::models::warnings::Warnings;
 
-/// The servo that one actuator is to its joint, per unit of the joint.
+/// An actuator as a servo of its joint, in units of the joint.
 struct Servo {
     stiffness: f64,
     target: f64,
@@ -19,8 +21,8 @@ struct Servo {
     max_force: Option<f64>,
 }
 
-/// Sets the joint's motors; `actuators` are those that drive it, each with its control. A link of a multibody has springs,
-/// damping, dry friction and rotor inertia of its own: its motors are the actuators alone.
+/// Sets the joint's motors. `actuators` are those that drive it, each with its control. A link of a multibody
+/// has its own springs, damping, dry friction and rotor inertia, so that its motors are the actuators alone.
 pub(super) fn drive(
     joint: &mut GenericJoint,
     link: Option<&mut LinkSettings>,
@@ -45,7 +47,7 @@ pub(super) fn drive(
     };
     let rest = from.springref - from.ref_;
     if let Some(link) = link {
-        // A springdamper stands for both.
+        // A springdamper replaces both damping and stiffness.
         let own = if from.springdamper.is_none() { 1.0 } else { 0.0 };
         link.damping = Some([(own * from.damping) as f32; 6]);
         link.armature = [from.armature as f32; 6];
@@ -57,7 +59,7 @@ pub(super) fn drive(
     let [own_stiffness, own_damping, frictionloss] =
         [from.stiffness, from.damping, from.frictionloss].map(|own| if linked { 0.0 } else { own });
     if let Some([time, ratio]) = from.springdamper.filter(|[time, ratio]| *time > 0.0 && *ratio > 0.0) {
-        // Acceleration-based: so the file asks for a time, whatever the inertia.
+        // The motor is acceleration-based: the file asks for a time, whatever the inertia.
         if !servos.is_empty() {
             warnings.add("actuator on a joint with springdamper", name, "has no effect");
         }
@@ -126,7 +128,7 @@ fn servo(of: &Actuator, control: f64, warnings: &mut Warnings) -> Option<Servo> 
     let parameter = |list: &[f64], index: usize, default: f64| list.get(index).copied().unwrap_or(default);
     match of.kind {
         ActuatorKind::Position => Some(spring(of.kp.unwrap_or(1.0), of.kv.unwrap_or(0.0), control)),
-        // Its control is a speed, summed up from where it starts.
+        // The control is a speed, summed up from where the joint starts.
         ActuatorKind::IntVelocity => {
             if control != 0.0 {
                 warnings.add("control of intvelocity", name, "holds still");

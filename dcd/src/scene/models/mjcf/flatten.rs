@@ -1,5 +1,5 @@
-//! Expands `<include>`: MuJoCo puts the children of the included file's root where the element stands, whatever it stands in.
-//! Rapier's reader knows it at the top of a file only.
+//! Expands `<include>`. MuJoCo puts the children of the included file's root where the element stands,
+//! whatever it stands in. Rapier's reader knows `<include>` at the top of a file only.
 
 use std::path::{Path, PathBuf};
 
@@ -7,13 +7,15 @@ use crate::scene::SceneError;
 use crate::scene::models::files::Files;
 use crate::scene::models::source::{Fault, Source, required};
 
-/// The most bytes of a model's text with all that it includes, and the most files that it includes, counted as often as they are.
+/// The most bytes of a model's text with all that it includes, and the most files that it includes, each
+/// counted as often as it is included.
 const MAX_TEXT: usize = 16 << 20;
 const MAX_INCLUDED: usize = 4096;
-/// The most files of which each is included by the one before.
+/// The most files in a chain in which each is included by the one before.
 const MAX_CHAIN: usize = 64;
 
-/// The files that are being expanded, each included by the one before, and how many have been included.
+/// The files that may be opened, those being expanded, each included by the one before, and how many have
+/// been included.
 struct Open<'a> {
     files: &'a Files,
     paths: Vec<PathBuf>,
@@ -33,11 +35,11 @@ fn expanded(source: &Source, main: &Path, open: &mut Open<'_>) -> Result<String,
     let mut done = 0;
     for node in document.descendants().filter(|node| node.has_tag_name("include")) {
         if node.range().start < done {
-            // What lies in an <include> gives way to the file, as the element does.
+            // The file replaces the <include> with all that lies in it.
             continue;
         }
         let file = required(node, "file").map_err(|fault| source.fault(fault))?;
-        // Relative to the main file as MuJoCo has it, or to the including file as many have it.
+        // MuJoCo takes the path relative to the main file; many models mean the including file.
         let path = [main, source.folder()].map(|folder| folder.join(file));
         let path = path.iter().find(|path| path.is_file()).unwrap_or(&path[0]);
         if open.paths.contains(path) {
@@ -73,13 +75,13 @@ fn expanded(source: &Source, main: &Path, open: &mut Open<'_>) -> Result<String,
     Ok(text)
 }
 
-/// Returns the text between the root's tags, which may stand in another document.
+/// Returns the text between the root's tags, checked to be valid in another document.
 fn content(text: &str) -> Result<&str, roxmltree::Error> {
     let document = roxmltree::Document::parse(text)?;
     let root = document.root_element();
     let ends = root.first_child().zip(root.last_child());
     let content = ends.map_or("", |(first, last)| &text[first.range().start..last.range().end]);
-    // Without what the root declares.
+    // The text must be valid without what the root declares.
     roxmltree::Document::parse(&format!("<mujoco>{content}</mujoco>"))?;
     Ok(content)
 }

@@ -56,7 +56,7 @@ fn convert(
     let options = MjcfLoaderOptions {
         skip_plane_geoms: false,
         make_roots_fixed: params.fixed,
-        // Motors are made of the file's numbers here.
+        // `drives` makes motors from the file's numbers.
         disable_joint_motors: true,
         ..MjcfLoaderOptions::default()
     };
@@ -86,8 +86,9 @@ fn convert(
     Ok(model)
 }
 
-/// Refuses joints that the loader would leave out with a line in a log. What a model says of bodies that are not `attached` with the one that is
-/// goes, as in MuJoCo.
+/// Refuses free joints, excludes and equalities that the loader would leave out with a line in a log. As in
+/// MuJoCo, excludes and equalities are dropped if they name a body of an attached model (`attached`) that is
+/// not attached with the others.
 fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Result<(), Fault> {
     let bodies: Vec<_> = file.bodies.iter().filter_map(|entry| entry.body.name.clone()).collect();
     let known = |name: &str| name == "world" || bodies.iter().any(|body| body == name);
@@ -128,7 +129,7 @@ fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Resu
         if let Some(body2) = body2 {
             must("<equality>", body2)?;
         }
-        // The loader knows the world by no name.
+        // The loader does not know the world by a name.
         if body2.as_deref() == Some("world") {
             *body2 = None;
         }
@@ -156,7 +157,8 @@ fn start(robot: &mut MjcfRobot, key: usize, warnings: &mut Warnings) -> Result<V
     handles.apply_keyframe(&mut bodies, robot, &frame);
     for (body, handle) in robot.bodies.iter_mut().zip(&handles.bodies) {
         if let Some(placed) = handle.as_ref().map(|handle| &bodies[handle.body]) {
-            // MuJoCo's velocity of a free joint is that of the body's origin, and turns about the body's own axes.
+            // In MuJoCo, the velocity of a free joint is that of the body's origin, and its spin is about the
+            // body's own axes.
             let angular = *placed.rotation() * placed.angvel();
             let arm = *placed.rotation() * mass_of(&body.body).local_com;
             body.body.set_position(*placed.position(), false);
@@ -176,7 +178,7 @@ fn start(robot: &mut MjcfRobot, key: usize, warnings: &mut Warnings) -> Result<V
     Ok((0..robot.actuators.len()).map(|index| frame.ctrl.get(index).copied().unwrap_or(0.0)).collect())
 }
 
-/// Makes unit quaternions of those of a keyframe, as MuJoCo does: their digits may be few, or their length any.
+/// Normalises the quaternions of a keyframe, as MuJoCo does: they may have few digits, or any length.
 fn unit(robot: &MjcfRobot, qpos: &mut [f64]) {
     let mut rest = qpos;
     for dof in &robot.qpos_dofs {
@@ -197,7 +199,7 @@ fn unit(robot: &MjcfRobot, qpos: &mut [f64]) {
     }
 }
 
-/// Returns whether the world has a body, as the loader decides it.
+/// Returns whether the world has a body, by the loader's rule.
 fn world_is_used(robot: &MjcfRobot) -> bool {
     let ties = robot.joints.iter().map(|joint| (joint.link1, joint.link2));
     let loops = robot.equality_joints.iter().map(|joint| (joint.link1, joint.link2));
@@ -211,7 +213,8 @@ fn part(index: usize, body: &MjcfBody, file: &mjcf::Model, shapes: &[Vec<Placed>
         .unwrap_or_else(|| if index == 0 { "world".into() } else { format!("body {index}") });
     let geoms = file.bodies[body.mjcf_body_id].body.geoms.iter();
     let touching = geoms.filter(|geom| geom.contype != 0 || geom.conaffinity != 0);
-    // Every geom is a ball or a plane to the loader, so it makes a collider of each that touches, in order.
+    // To the loader every geom is a ball or a plane, so it makes one collider per geom that touches, in
+    // order.
     let colliders = body.colliders.iter().zip(&shapes[body.mjcf_body_id]).zip(touching);
     let colliders = colliders.map(|((collider, (shape, pose)), geom)| {
         let builder = ColliderBuilder { shape: shape.clone(), ..collider_builder(collider) }.position(*pose);
@@ -220,8 +223,8 @@ fn part(index: usize, body: &MjcfBody, file: &mjcf::Model, shapes: &[Vec<Placed>
     Part::of(name, &body.body, colliders.collect())
 }
 
-/// Returns the joints of the file in the order in which the loader makes its own: none for a free joint, one that locks
-/// everything for a body without joints in another body.
+/// Returns the joints of the file in the order in which the loader makes its own. A free joint gives none. A
+/// body without joints in another body gives `None`: the loader makes a joint for it that locks everything.
 fn joints_in_order(file: &mjcf::Model) -> impl Iterator<Item = Option<&Joint>> {
     file.bodies.iter().skip(1).flat_map(|entry| {
         let joints = &entry.body.joints;
@@ -242,7 +245,7 @@ fn add_joints(
         let (a, b) = (part_of(made.link1), part_of(made.link2));
         let name = made.name.clone().unwrap_or_else(|| format!("the joint of {}", model.parts[b].name));
         let mut joint = made.joint;
-        // Bodies that stand between two joints of one body have nothing to touch with.
+        // The bodies that stand between two joints of one body have no colliders.
         joint.contacts_enabled = !model.apart.contains(&(a.min(b), a.max(b)));
         let mut link = (multibody && model.links(a, b, &joint)).then(LinkSettings::default);
         if let Some(from) = from {
@@ -274,7 +277,8 @@ fn add_joints(
     }
 }
 
-/// Adds the loops of `<equality>` that impulse joints can hold. Unlike joints of the tree, these let their bodies touch.
+/// Adds the loops of `<equality>` that impulse joints can hold. Unlike joints of the tree, these let their
+/// bodies touch.
 fn add_loops(
     model: &mut Model,
     robot: &MjcfRobot,

@@ -1,5 +1,6 @@
-//! Completes the poses of geoms. MuJoCo takes a geom's position from its class if it has none of its own, and its orientation
-//! likewise; to Rapier's reader both are one, so that a geom with its own position loses the orientation of its class.
+//! Completes the poses of geoms. MuJoCo takes a geom's position from its class if it has none of its own, and
+//! its orientation likewise. Rapier's reader takes both as one, so that a geom with its own position loses
+//! the orientation of its class.
 
 use std::ops::Range;
 
@@ -11,8 +12,9 @@ use crate::scene::models::source::elements;
 const POSITION: [&str; 1] = ["pos"];
 const ORIENTATION: [&str; 5] = ["quat", "axisangle", "euler", "xyaxes", "zaxis"];
 
-/// Returns the text of the document as the reader takes it: geoms with one of position and orientation have the other one too, bodies have no `sleep`,
-/// and nothing stands before a `<compiler>` that it counts for.
+/// Returns the text of the document changed for the reader. Geoms with one of position and orientation get
+/// the other from their class, bodies have no `sleep`, and every `<compiler>` stands before the first
+/// `<default>`.
 pub(super) fn complete(document: &Document<'_>) -> String {
     let text = document.input_text();
     let inherit = missing(document).into_iter().map(|(geom, attribute)| {
@@ -40,7 +42,7 @@ pub(super) fn complete(document: &Document<'_>) -> String {
     whole
 }
 
-/// Returns bodies with `sleep`, whose values the reader does not know, and that attribute.
+/// Returns the bodies with `sleep`, whose values the reader does not know, each with that attribute.
 pub(super) fn sleepers<'a, 'd>(
     document: &'a Document<'d>,
 ) -> impl Iterator<Item = (Node<'a, 'd>, Attribute<'a, 'd>)> {
@@ -48,14 +50,15 @@ pub(super) fn sleepers<'a, 'd>(
     bodies.filter_map(|body| Some((body, attribute(body, &["sleep"])?)))
 }
 
-/// Returns each `<compiler>` behind a `<default>`: MuJoCo reads it first wherever it stands, the reader when it comes to it.
+/// Returns each `<compiler>` behind a `<default>`. MuJoCo reads it first wherever it stands, the reader in
+/// document order.
 pub(super) fn late_compilers<'a, 'd>(document: &'a Document<'d>) -> Vec<Node<'a, 'd>> {
     let sections = elements(document.root_element()).skip_while(|node| !node.has_tag_name("default"));
     sections.filter(|node| node.has_tag_name("compiler")).collect()
 }
 
-/// Returns geoms that have one of position and orientation, with the attribute of their class that is the other, in the order of
-/// the document.
+/// Returns the geoms with only one of position and orientation whose class gives the other, each with that
+/// attribute, in the order of the document.
 pub(super) fn missing<'a, 'd>(document: &'a Document<'d>) -> Vec<(Node<'a, 'd>, Attribute<'a, 'd>)> {
     let classes = Classes::of(document, "geom");
     let geoms = document.descendants().filter(|node| node.has_tag_name("geom"));

@@ -1,4 +1,5 @@
-//! Finds elements of MJCF that Rapier's reader would ignore silently: each is refused, warned of, or known to have no effect here.
+//! Finds elements of MJCF that Rapier's reader would ignore silently. Each is refused, warned of, or known to
+//! have no effect here.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -11,16 +12,17 @@ use crate::scene::models::warnings::Warnings;
 
 /// Settings that are applied here though the reader ignores them: switches of `<option><flag>`, and more.
 pub(super) struct Flags {
-    /// Names of the meshes that are to weigh as their hulls.
+    /// The names of the meshes that are to weigh as their hulls.
     pub(super) convex: BTreeSet<String>,
-    /// Names that the bodies of attached models have here, also of those that are not attached with the body that is.
+    /// The names that bodies of attached models have here, including bodies that are not attached with the
+    /// one that is.
     pub(super) attached: BTreeSet<String>,
     pub(super) contact: bool,
     pub(super) gravity: bool,
     pub(super) filter_parent: bool,
 }
 
-/// Sections whose content is looked at elsewhere or has no effect on motion.
+/// Sections that are checked elsewhere or have no effect on motion.
 const SECTIONS: [&str; 16] = [
     "compiler",
     "option",
@@ -58,7 +60,7 @@ const HARMLESS_FLAGS: [&str; 13] = [
     "refsafe",
     "eulerdamp",
 ];
-/// Attributes that hold a name of something, some of them with a number behind.
+/// Attributes that hold the name of something. Some exist with 1 or 2 at the end too.
 const NAMES: [&str; 17] = [
     "name",
     "class",
@@ -78,7 +80,8 @@ const NAMES: [&str; 17] = [
     "refname",
     "target",
 ];
-/// Attributes that the reader ignores: element, attribute, the value without effect, the consequence of another.
+/// Attributes that the reader ignores: element, attribute, the value without effect, the feature as warnings
+/// call it, and the consequence of another value.
 const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("option", "density", "0", "fluid (option density)", "there is no fluid here"),
     ("option", "viscosity", "0", "fluid (option viscosity)", "there is no fluid here"),
@@ -106,7 +109,7 @@ const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("compiler", "fitaabb", "false", "compiler fitaabb", "has no effect"),
 ];
 
-/// Refuses what would leave the scene without something that the file describes; warns of differences.
+/// Refuses a file if the scene would lack something that it describes, and warns of differences.
 pub(super) fn check(
     source: &Source,
     document: &Document<'_>,
@@ -136,7 +139,8 @@ pub(super) fn check(
     }
     for &(element, attribute, neutral, what, how) in &ATTRIBUTES {
         for node in document.descendants().filter(|node| node.has_tag_name(element)) {
-            // A mesh of a geom, a joint of a tendon or an equality are other things of the same name.
+            // The same names also stand for other things: the mesh of a geom, the joint of a tendon or an
+            // equality.
             if node
                 .attribute(attribute)
                 .is_some_and(|value| value.split_whitespace().ne(neutral.split_whitespace()))
@@ -148,7 +152,7 @@ pub(super) fn check(
     flags(document, warnings)
 }
 
-/// Refuses values that the reader takes though nothing can be computed of them.
+/// Refuses values that the reader accepts although nothing can be computed with them.
 fn values(document: &Document<'_>) -> Result<(), Fault> {
     for node in document.descendants() {
         for attribute in node.attributes().filter(|attribute| !is_name(attribute.name())) {

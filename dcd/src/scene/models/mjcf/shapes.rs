@@ -1,5 +1,6 @@
-//! Builds shapes and masses of geoms that Rapier's loader makes otherwise than MuJoCo, or not at all: meshes of several parts, meshes
-//! in the file itself, ellipsoids, height fields. The loader is given a small ball in their place, which is then replaced.
+//! Builds the shapes and masses of geoms. Rapier's loader makes some otherwise than MuJoCo, or not at all:
+//! meshes of several parts, meshes in the file itself, ellipsoids, height fields. In place of each geom but
+//! planes the loader is given a small ball, which is then replaced.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -16,7 +17,7 @@ use crate::scene::models::mesh::{self, Meshes};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
-/// The most heights of a height field: without elevations the file says how many with a few characters.
+/// The most heights of a height field. Without elevations, a few characters in the file state their number.
 const MAX_HEIGHTS: usize = 1 << 24;
 
 /// A geom's shape in the space of its body.
@@ -31,7 +32,7 @@ pub(super) fn prepare(
     warnings: &mut Warnings,
 ) -> Result<Vec<Vec<Placed>>, Fault> {
     let mut maker = Maker { meshes: Meshes::default(), convex, folder, files };
-    // Geoms that are only looks are not loaded.
+    // Geoms that are only visual are not loaded.
     file.compiler.discard_visual = true;
     let mut all = Vec::new();
     for index in 0..file.bodies.len() {
@@ -98,7 +99,8 @@ fn spread(geom: &mut Geom) {
 
 struct Maker<'a> {
     meshes: Meshes,
-    /// Meshes that the file gives the mass of their hull; the reader takes that for the default, which it is not.
+    /// Meshes to which the file gives the mass of their hull. The reader takes that for the default, which it
+    /// is not.
     convex: &'a BTreeSet<String>,
     folder: &'a Path,
     files: &'a Files,
@@ -235,7 +237,8 @@ fn asset<'a>(file: &'a mjcf::Model, geom: &Geom) -> Result<&'a mjcf::assets::Mes
     })
 }
 
-/// Returns an ellipsoid fine enough to roll: Parry's ball as triangles, stretched, out to where its volume is the ellipsoid's.
+/// Returns an ellipsoid as a hull fine enough to roll: Parry's ball as triangles, stretched, and widened
+/// until its volume is the ellipsoid's.
 fn ellipsoid(half: [f32; 3]) -> SharedShape {
     let (points, _) = rapier3d::parry::shape::Ball::new(1.0).to_trimesh(16, 16);
     let sphere = 4.0 / 3.0 * std::f32::consts::PI;
@@ -245,8 +248,8 @@ fn ellipsoid(half: [f32; 3]) -> SharedShape {
     mesh::hull(&points).expect("a ball stretched along its axes has a volume")
 }
 
-/// Builds a height field. MuJoCo's rows run along y, the first at the far end; Parry's along z, the first at the near end, which is
-/// the far end of y once the field stands upright.
+/// Builds a height field. MuJoCo's rows run along y, the first at the far end. Parry's run along z, the first
+/// at the near end, which is the far end of y once the field stands upright.
 fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
     let name = geom.hfield.as_deref().unwrap_or_default();
     let Some(asset) = file.assets.hfield(name) else {
@@ -258,7 +261,7 @@ fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
         let cause = format!("height field `{name}` has {rows} times {columns} heights");
         return Err(Fault::new(cause, "make it 16 million at most"));
     }
-    // Without heights, MuJoCo has a flat one, for a program to fill in.
+    // Without heights MuJoCo makes a flat field, for a program to fill in.
     let flat = (asset.elevation.is_none() && asset.file.is_none()).then(|| vec![0.0; rows * columns]);
     let heights = asset.elevation.as_ref().or(flat.as_ref());
     let Some(heights) = heights.filter(|e| e.len() == rows * columns && rows > 1 && columns > 1) else {

@@ -29,8 +29,8 @@ pub(super) fn read(source: &Source, params: &ModelParams, files: &Files) -> Resu
 }
 
 fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams, files: &Files) -> Result<Model, Fault> {
-    // The loader ignores meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their place,
-    // one per mesh, which are then replaced.
+    // The loader ignores meshes that it cannot read, and takes a URDF's moving meshes for shells. So it is
+    // given boxes in their place, one per mesh, which are then replaced.
     let mut meshes = Meshes::default();
     let shapes = mesh_shapes(&mut parsed.robot, source.folder(), files, &mut meshes)?;
     for mesh in meshes.not_z_up {
@@ -75,7 +75,7 @@ fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams, files: &Fi
     Ok(model)
 }
 
-/// A mesh of a link, to be put in the place of the collider of this index.
+/// A mesh of a link that is to replace the shape of the link's collider of this index.
 struct MeshShape {
     collider: usize,
     points: Vec<Vector>,
@@ -115,7 +115,8 @@ fn mesh_shapes(
     Ok(shapes)
 }
 
-/// Returns the file behind a mesh's name: `package://name/path` is looked for in the folders above, with and without `name`.
+/// Returns the file behind a mesh's name. `package://name/path` is looked for in the folders above, with and
+/// without `name`.
 fn resolve(name: &str, folder: &Path, files: &Files) -> Result<PathBuf, Fault> {
     let remedy = "put the mesh there, or correct the path in the file";
     let plain = name.strip_prefix("file://").unwrap_or(name);
@@ -126,7 +127,7 @@ fn resolve(name: &str, folder: &Path, files: &Files) -> Result<PathBuf, Fault> {
         let missing = || Fault::new(format!("mesh {} is not there", path.display()), remedy);
         return if path.is_file() { Ok(path) } else { Err(missing()) };
     };
-    // A file named without a folder lies in the present one.
+    // A file named without a folder lies in the current one.
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let (package, rest) = inside.split_once('/').unwrap_or(("", inside));
@@ -169,7 +170,7 @@ fn turn(origin: &urdf_rs::Pose) -> Rotation {
     Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll)
 }
 
-/// Returns the mass from the numbers of the file: the loader does not turn the inertia by its origin's `rpy`.
+/// Returns the mass from the file's numbers: the loader does not turn the inertia by its origin's `rpy`.
 fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
     let turn = Matrix::from_quat(turn(origin));
@@ -252,7 +253,7 @@ fn fix_weightless_roots(model: &mut Model) {
     }
 }
 
-/// Returns which parts end up fixed, once those welded to something fixed are.
+/// Returns for each part whether it ends up fixed: by itself, or welded to something fixed.
 fn fixed_at_last(model: &Model) -> Vec<bool> {
     let mut fixed: Vec<bool> = model.parts.iter().map(Part::is_fixed).collect();
     while let Some(joint) =
@@ -263,7 +264,7 @@ fn fixed_at_last(model: &Model) -> Vec<bool> {
     fixed
 }
 
-/// Keeps links of one robot from touching that overlap where it starts: they do so by design.
+/// Keeps links of one robot that overlap at the start from touching: they overlap by design.
 fn keep_overlapping_apart(model: &mut Model) {
     let overlap = |a: &Part, b: &Part| {
         a.colliders.iter().any(|x| {

@@ -1,5 +1,5 @@
-//! Parses the elements of a URDF file, more leniently than urdf-rs (files without `effort`, `velocity` or inertia are common), and
-//! with the line of each error.
+//! Parses the elements of a URDF file, more leniently than urdf-rs, and with the line of each error. Files
+//! without `effort`, `velocity` or inertia are common.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
@@ -21,7 +21,7 @@ pub(super) struct Parsed {
     pub(super) warnings: Warnings,
 }
 
-/// Bullet's `<contact>` of a link.
+/// The surface of a link, by Bullet's `<contact>`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Surface {
     pub(super) friction: f32,
@@ -81,7 +81,7 @@ impl Parsed {
         for child in elements(node) {
             match child.tag_name().name() {
                 "inertial" => link.inertial = inertial(child)?,
-                // A link with looks is no mere frame: that is all they mean here.
+                // A link with visuals is no mere frame. Nothing else is read of them.
                 "visual" => link.visual.push(urdf_rs::Visual::default()),
                 "collision" => {
                     if let Some(geometry) = geometry(child, &mut self.warnings, &name)? {
@@ -256,7 +256,7 @@ impl Parsed {
                 return Err(Fault::at(root, cause, "take one of the joints out"));
             }
         }
-        // Each link is gone through once, on the way up from the first that is below it.
+        // Each link is visited once, on the way up from the first link that is below it.
         let mut seen = BTreeMap::new();
         for start in parents.keys() {
             let mut at = start;
@@ -295,7 +295,7 @@ fn inertial(node: Node<'_, '_>) -> Result<urdf_rs::Inertial, Fault> {
     Ok(urdf_rs::Inertial { origin: pose(node)?, mass: urdf_rs::Mass { value: mass }, inertia })
 }
 
-/// Returns the geometry; none for an empty `<geometry>`, which some exporters write.
+/// Returns the geometry; `None` for an empty `<geometry>`, which some exporters write.
 fn geometry(collision: Node<'_, '_>, warnings: &mut Warnings, link: &str) -> Result<Option<Geometry>, Fault> {
     let Some(shape) = child(collision, "geometry").and_then(|geometry| elements(geometry).next()) else {
         warnings.add("collision without geometry", link, "touches nothing");

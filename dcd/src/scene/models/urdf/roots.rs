@@ -1,4 +1,5 @@
-//! Takes empty roots out of a robot: frames that say where the robot stands, which the loader would fix to the world, and forget where.
+//! Takes empty roots out of a robot. They are frames that say where the robot stands. The loader would fix
+//! them to the world and forget where.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,17 +9,17 @@ use rapier3d_urdf::urdf_rs::{self, JointType};
 /// The name of a root that is the world itself, by custom.
 const WORLD: &str = "world";
 
-/// Where the roots begin that are left.
+/// The roots that are left, with the poses at which they begin.
 #[derive(Default)]
 pub(super) struct Roots {
     poses: BTreeMap<String, Pose>,
-    /// Those that were welded to the world.
+    /// The roots that were welded to the world.
     pub(super) fixed: BTreeSet<String>,
 }
 
 impl Roots {
-    /// Takes the empty roots out, with the joints that weld other links to them. One that also has joints which move stays, as a part of the
-    /// world.
+    /// Takes the empty roots out, with the joints that weld other links to them. An empty root that also has
+    /// joints which move stays, as a part of the world.
     pub(super) fn take(robot: &mut urdf_rs::Robot) -> Self {
         let mut roots = Self::default();
         let mut below: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -57,7 +58,7 @@ impl Roots {
         roots
     }
 
-    /// Returns where the robot begins that a link belongs to, for the links of those that do not begin at the origin.
+    /// Returns, by link, the pose at which the root begins to which the link belongs.
     pub(super) fn of_links(&self, robot: &urdf_rs::Robot) -> BTreeMap<String, Pose> {
         let mut below: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         for joint in &robot.joints {

@@ -1,18 +1,18 @@
-//! Estimates which tick the world is at: by when its leader opened the ticks that were heard of, and how far the leader's clock is from
-//! ours.
+//! Estimates which tick the world is at: from the times at which its leader opened the ticks that were heard
+//! of, and from the difference between the leader's clock and ours.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// The rates kept, of which the median counts: one stop of the world says nothing of how fast it goes.
+/// The number of rates kept. Their median counts, because one stop of the world says nothing of its pace.
 const RATES: usize = 5;
 
-/// How many times faster than in real time a world goes at most, and how many times slower.
+/// How many times faster than real time a world is taken to run at most.
 const FASTEST: f64 = 100.0;
-/// See [`FASTEST`].
+/// How many times slower than real time a world is taken to run at most.
 const SLOWEST: f64 = 100.0;
 
-/// The fastest by which two clocks are taken to drift apart, seconds per second.
+/// The fastest drift assumed between two clocks, seconds per second.
 const DRIFT: f64 = 1e-3;
 
 /// The ticks of a world, as a clock that a client reads.
@@ -20,13 +20,15 @@ const DRIFT: f64 = 1e-3;
 pub(super) struct TickClock {
     /// The newest tick heard of, and when it was opened, by our clock, seconds.
     newest: Option<(f64, f64)>,
-    /// The same by the leader's clock.
+    /// When that tick was opened, by the leader's clock, seconds; `None` if that is not known.
     opened_s: Option<f64>,
-    /// Seconds from tick to tick.
+    /// The last measured lengths of a tick, seconds.
     rates: VecDeque<f64>,
-    /// The least time, by our clock, from the opening of a tick, by the leader's, until it was heard of; and when that was.
+    /// The least transit, and when it was updated last, by our clock, seconds. The transit of a tick is from
+    /// its opening, by the leader's clock, until it was heard of, by ours: it includes the difference of the
+    /// clocks.
     transit: Option<(f64, f64)>,
-    /// The leader's clock minus ours, seconds, with the error that this may have, where pings tell.
+    /// The leader's clock minus ours, and the bound on its error, seconds; `None` until pings tell.
     offset: Option<(f64, f64)>,
     dt_s: f64,
 }
@@ -36,19 +38,19 @@ impl TickClock {
         Self { newest: None, opened_s: None, rates: VecDeque::new(), transit: None, offset: None, dt_s }
     }
 
-    /// Sets the leader's clock minus ours, and the bound on its error, as pings have it.
+    /// Sets the leader's clock minus ours, and the bound on its error, seconds, as pings have them.
     pub(super) fn set_offset(&mut self, offset_s: f64, error_s: f64) {
         self.offset = Some((offset_s, error_s));
     }
 
-    /// Forgets the clock of the leader: from now on another one leads.
+    /// Forgets the clock of the former leader, because another node leads from now on.
     pub(super) fn change_leader(&mut self) {
         (self.opened_s, self.transit, self.offset) = (None, None, None);
         self.rates.clear();
     }
 
-    /// Hears of a tick that the leader opened at this time of its clock, if that is known. An older one counts only if ticks are
-    /// counted anew.
+    /// Takes in a tick that was heard of at `now`, and that the leader opened at `opened` by its own clock,
+    /// if that is known. An older tick counts only if ticks are counted anew.
     pub(super) fn hear(&mut self, now: Duration, tick: f64, opened: Option<Duration>, anew: bool) {
         let now_s = now.as_secs_f64();
         let opened_s = opened.map(|opened| opened.as_secs_f64());
@@ -62,7 +64,7 @@ impl TickClock {
             return;
         }
         if let (Some(newest), Some(before_s), Some(opened_s)) = (newest, self.opened_s, opened_s) {
-            // Whatever a leader says, time goes on, and neither flies nor stands still.
+            // Whatever a leader says, a tick is neither infinitely short nor infinitely long.
             let rate = (opened_s - before_s) / (tick - newest);
             self.rates.push_back(rate.clamp(self.dt_s / FASTEST, self.dt_s * SLOWEST));
             if self.rates.len() > RATES {
@@ -78,26 +80,28 @@ impl TickClock {
         self.newest.map(|(tick, _)| tick)
     }
 
-    /// Returns the seconds that a tick takes now: more than the world's own where nodes do not keep up.
+    /// Returns the seconds that a tick takes at present: more than the world's `dt` where nodes do not keep
+    /// up.
     pub(super) fn period_s(&self) -> f64 {
         let mut rates: Vec<_> = self.rates.iter().copied().collect();
         rates.sort_unstable_by(f64::total_cmp);
         rates.get(rates.len() / 2).copied().unwrap_or(self.dt_s).max(1e-6)
     }
 
-    /// Returns the tick that the world is at, if it goes on as it did.
+    /// Returns the tick that the world is at, if it goes on at the same pace.
     pub(super) fn tick_at(&self, now: Duration) -> Option<f64> {
         let (tick, opened_s) = self.newest?;
         Some(tick + (now.as_secs_f64() - opened_s).max(0.0) / self.period_s())
     }
 
-    /// Returns the bound on the error of [`Self::tick_at`] that comes from the clocks, seconds; `None` until pings tell.
+    /// Returns the bound on the error of [`Self::tick_at`] that comes from the clocks, seconds; `None` until
+    /// pings tell.
     pub(super) fn error_s(&self) -> Option<f64> {
         self.offset.map(|(_, error_s)| error_s)
     }
 
     fn offset_s(&self) -> f64 {
-        // Without pings the way here counts as nothing: then the world is taken to be at what was just heard.
+        // Without pings the transit counts as nothing: the world is taken to be at the tick just heard of.
         let heard = self.transit.map_or(0.0, |(transit, _)| -transit);
         self.offset.map_or(heard, |(offset, _)| offset)
     }
@@ -113,7 +117,7 @@ mod tests {
         Duration::from_secs_f64(seconds)
     }
 
-    /// A leader 100 s ahead, from which messages take 30 ms and up to 20 more.
+    /// Takes in ticks of a leader whose clock is 100 s ahead. Messages take 30 to 50 ms.
     fn hear(clock: &mut TickClock, ticks: std::ops::Range<u32>) {
         for tick in ticks.step_by(3) {
             let opened = f64::from(tick) * DT_S;

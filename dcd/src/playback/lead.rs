@@ -1,57 +1,60 @@
-//! Finds how far ahead of the world a client must be, so that what it asks of its avatars comes before the ticks that it is for.
+//! Finds how far ahead of the world a client must be, so that inputs for its avatars arrive before the ticks
+//! that they name.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// The lead before anything is known of the way, seconds.
+/// The lead before anything is known of the transit, seconds.
 const FIRST_S: f64 = 0.1;
-/// The inputs by which the lead is measured: those of a few seconds.
+/// The number of inputs by which the lead is measured: those of a few seconds.
 const MEASURED: usize = 64;
-/// The share of them that may come too late.
+/// The share of inputs that may arrive too late.
 const LATE: f64 = 0.01;
-/// The lead is longer than it must be by so much, ticks: an input that comes too late is seen, one too early is not.
+/// The margin added to the lead, ticks: an input that arrives too late is seen, one too early is not.
 const MARGIN: f64 = 0.5;
-/// No lead is longer, seconds.
+/// The longest lead, seconds.
 const MOST_S: f64 = 1.0;
-/// The share by which the predicted tick goes faster or slower to get where it should be.
+/// The most by which the predicted tick runs slower while it is ahead of its goal, as a share.
 const SLEW: f64 = 0.1;
-/// The same while inputs come too late.
+/// The most by which it runs faster while it is behind its goal and inputs may arrive too late, as a share.
 const FAST_SLEW: f64 = 0.3;
-/// It jumps if it is farther off than this, seconds.
+/// The distance from the goal, seconds, from which on the predicted tick jumps forward to it, or waits for
+/// it.
 const JUMP_S: f64 = 1.0;
-/// The world has stood still where it is behind what it was taken to be at by this, seconds.
+/// The world has stood still if it is farther than this behind the tick that it should be at, seconds.
 const STOOD_S: f64 = 0.25;
 
-/// The tick for which a client makes inputs now: ahead of the world by as long as they take to get there.
+/// The tick for which a client makes inputs now: ahead of the world by the time that inputs take to arrive.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lead {
-    /// The predicted tick last returned, the tick that the world was taken to be at, and when.
+    /// The predicted tick last returned, the tick that the world was taken to be at then, and the time.
     at: Option<(f64, f64, Duration)>,
-    /// By how many ticks inputs had to be ahead of the world to come in time, of the last ones.
+    /// By how many ticks each of the last inputs had to be ahead of the world to arrive in time.
     needed: VecDeque<f64>,
-    /// Half the round trip, by pings.
+    /// Half the round trip to the leader, by pings, seconds.
     way_s: Option<f64>,
 }
 
 impl Lead {
-    /// Takes in the round trip to the leader, seconds.
+    /// Sets the round trip to the leader, seconds.
     pub(crate) fn set_round_trip_s(&mut self, trip_s: f64) {
         self.way_s = Some(0.5 * trip_s);
     }
 
-    /// Forgets the way to a former leader.
+    /// Forgets what was measured of the way to a former leader.
     pub(crate) fn change_leader(&mut self) {
         self.needed.clear();
         self.way_s = None;
     }
 
-    /// Begins anew: ticks are counted otherwise.
+    /// Begins anew, because ticks are counted anew.
     pub(crate) fn recount(&mut self) {
         self.change_leader();
         self.at = None;
     }
 
-    /// Takes in that an input named a tick, was made when the world was at another, and came so many ticks before the one it named.
+    /// Takes in an input that named the tick `named`, was made when the world was at `world_tick`, and
+    /// arrived `early` ticks before the tick that it named.
     pub(crate) fn measure(&mut self, named: f64, world_tick: f64, early: i8) {
         self.needed.push_back(named - world_tick - f64::from(early));
         if self.needed.len() > MEASURED {
@@ -59,18 +62,18 @@ impl Lead {
         }
     }
 
-    /// Returns by how many ticks the client should be ahead.
+    /// Returns by how many ticks the client should be ahead of the world.
     fn goal(&self, period_s: f64) -> f64 {
         let mut needed: Vec<_> = self.needed.iter().copied().collect();
         needed.sort_unstable_by(|a, b| b.total_cmp(a));
         let late = (LATE * needed.len() as f64) as usize;
-        // Before inputs tell, a tick more than pings do: these go both ways alike.
+        // Before inputs are measured, a tick more than half the ping's round trip: its two ways may differ.
         let first = || self.way_s.map_or(FIRST_S / period_s, |way_s| way_s / period_s + 1.0);
         (needed.get(late).copied().unwrap_or_else(first) + MARGIN).clamp(0.0, MOST_S / period_s)
     }
 
-    /// Returns the predicted tick, which goes back only where the world does: it stood still, as while its leader died, and nobody knew. A tick
-    /// takes `period_s` now.
+    /// Returns the predicted tick at `now`, where a tick takes `period_s`. It goes back only where the world
+    /// does: where the world stood still without the client's knowledge, for example while its leader died.
     pub(crate) fn advance(&mut self, now: Duration, world_tick: f64, period_s: f64) -> f64 {
         let goal = world_tick + self.goal(period_s);
         let next = match self.at {
@@ -99,13 +102,13 @@ mod tests {
 
     const DT_S: f64 = 1.0 / 60.0;
 
-    /// Plays for some seconds with inputs that take so long, by their number; returns how early the last ones came, and the least step of
-    /// the predicted tick.
+    /// Plays for some seconds with inputs that take `way_s` of their number to arrive. Returns by how many
+    /// ticks each of the later half was early, and the least step of the predicted tick.
     fn play(lead: &mut Lead, from_s: f64, seconds: f64, way_s: impl Fn(u32) -> f64) -> (Vec<i8>, f64) {
         play_behind(lead, 0.0, from_s, seconds, way_s)
     }
 
-    /// The same in a world that is so many ticks behind, as it has stood still.
+    /// Plays like [`play`], in a world that is `stood` ticks behind, because it stood still.
     fn play_behind(
         lead: &mut Lead,
         stood: f64,
@@ -141,7 +144,7 @@ mod tests {
         let (early, least) = play(&mut lead, 10.0, 6.0, |_| 0.1);
         assert!(early.iter().all(|early| (0..=2).contains(early)), "{early:?}");
         assert!(least > 0.0, "{least}: time never goes back");
-        // The way becomes longer, and uneven.
+        // The transit becomes longer, and uneven.
         let (early, least) =
             play(&mut lead, 16.0, 12.0, |frame| 0.18 + 0.04 * f64::from(frame * 7 % 11) / 10.0);
         let late = early.iter().filter(|early| **early < 0).count();

@@ -1,19 +1,20 @@
-//! Lets an error that was shown melt away within moments, instead of being seen as a jump.
+//! Fades out an error that was shown within moments, instead of letting it be seen as a jump.
 
 use nalgebra::Vector3;
 
 use super::motion::{End, Motion, turn_between, turned, vector};
 
-/// The time in which a small error that was shown melts away, seconds.
+/// The time in which a small error that was shown fades out, seconds.
 const MELT_S: f64 = 0.2;
 
-/// A larger error takes so much longer, seconds per metre.
+/// The additional time for a larger error, seconds per metre.
 const MELT_S_PER_M: f64 = 0.1;
 
-/// An error above this is shown at once, metres: a body that slides so far looks stranger than one that jumps.
+/// The error above which a body jumps at once, metres: a body that slides so far looks stranger than one that
+/// jumps.
 const JUMP_M: f64 = 3.0;
 
-/// An error that was shown, and how it changes, from a tick on.
+/// An error that was shown, and how it fades out from a tick on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Melt {
     from: f64,
@@ -24,8 +25,9 @@ pub(crate) struct Melt {
 }
 
 impl Melt {
-    /// Returns the melt of the error between what was shown `before` and what is known now (`bare`), both at the tick `shown`; `former`, if
-    /// that is the same error still; `None` if there is none, or one that is not to be hidden.
+    /// Returns the melt of the error between what was shown (`before`) and what is known now (`bare`), both
+    /// at the tick `shown`. That is `former` if the error is still the same, and `None` if there is no error,
+    /// or one that must not be hidden.
     pub(crate) fn after(
         former: Option<Self>,
         before: &Motion,
@@ -38,12 +40,12 @@ impl Melt {
         if !way_m.norm().is_finite() || way_m.norm() > JUMP_M {
             return None;
         }
-        // Between states nothing has changed but what melts already.
+        // What was shown is what is known.
         if way_m.norm() <= 1e-6 && turn_rad.norm() <= 1e-4 {
             return None;
         }
         let seconds = MELT_S + MELT_S_PER_M * way_m.norm();
-        // No faster than that the error grows no more.
+        // Limited, so that an error that closes does not overshoot.
         let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
         let speed_m_s = speed_m_s.cap_magnitude(3.0 * way_m.norm() / seconds);
         let is_same = former.is_some_and(|melt| {
@@ -54,7 +56,7 @@ impl Melt {
         if is_same { former } else { Some(Self { from: shown, seconds, way_m, speed_m_s, turn_rad }) }
     }
 
-    /// Adds what is left of the error at a tick.
+    /// Adds what is left of the error at the tick `at` to a motion.
     pub(crate) fn apply(&self, motion: &mut Motion, at: f64, dt_s: f64) {
         let share = (at - self.from) * dt_s / self.seconds;
         if !(0.0..1.0).contains(&share) {

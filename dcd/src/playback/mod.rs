@@ -1,5 +1,5 @@
-//! Shows a world smoothly, at any time between and shortly beyond the states that are known of it: a clock of its ticks, a jitter buffer,
-//! interpolation, bounded extrapolation, and errors that melt away (thesis 3.3.11, 4.3.2.10).
+//! Shows a world smoothly, at any time between and shortly beyond its known states: by a clock of its ticks,
+//! a jitter buffer, interpolation, bounded extrapolation, and errors that fade out (thesis 3.3.11, 4.3.2.10).
 
 mod clock;
 mod lead;
@@ -22,40 +22,44 @@ use self::track::Track;
 use crate::protocol::{SharedState, Stamp};
 use crate::space::BodyId;
 
-/// Where nothing moves, so many ticks before the one that is shown all is taken to have been told.
+/// Where nothing moves, everything up to this many ticks before the shown tick is taken to have been told.
 const STILL_UNTOLD: f64 = 20.0;
 
-/// How often tracks of bodies that rest are dropped, ticks.
+/// The number of ticks between two sweeps that drop tracks of resting bodies.
 const SWEEP: f64 = 60.0;
 
-/// The ticks at which to show a world now, as [`World::view_time`](crate::World::view_time) returns them. A fraction is a time between
-/// two ticks.
+/// The ticks at which to show a world now, as [`World::view_time`](crate::World::view_time) returns them. A
+/// fraction is a time between two ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ViewTime {
-    /// The tick that the world is at, as far as known: for what must not lag, as an own avatar. What moves is extrapolated.
+    /// The tick that the world is at, as far as it is known: for what must not lag, such as own avatars.
+    /// Moving bodies are extrapolated to it.
     pub now: f64,
-    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
-    /// guess is withdrawn, or the world goes back to a save.
+    /// A tick a little ago, whose states have arrived by now: for all else. It advances evenly, unless ticks
+    /// are counted anew because a guess is withdrawn or the world goes back to a save.
     pub shown: f64,
-    /// The tick that applies what an own avatar is asked now, where a client predicts ([`World::set_prediction`](crate::World::set_prediction)):
-    /// own avatars are shown at it, with what they touch. Otherwise the same as `now`.
+    /// The tick in which nodes apply what an own avatar is asked now, where a client predicts
+    /// ([`World::set_prediction`](crate::World::set_prediction)). Own avatars and what they touch are shown
+    /// at this tick. Without prediction it is the same as `now`.
     pub predicted: f64,
-    /// The bound on the error of `now` that comes from clocks, seconds; `None` until pings tell, where no network is between, and in a
-    /// participant, which counts the way of what it is told as nothing.
+    /// The bound on the error of `now` that comes from clocks, seconds. `None` until pings are answered,
+    /// where there is no network, and in a participant, which counts the way of what it is told as nothing.
     pub clock_error_s: Option<f64>,
-    /// The time from an input to the first state that shows it, seconds: the median of the last ones. `None` before the first.
+    /// The time from an input to the first state that shows its effect, seconds: the median of the last ones.
+    /// `None` before the first.
     pub input_delay_s: Option<f64>,
 }
 
 impl ViewTime {
-    /// Returns the times at which to show own avatars, and all else, without prediction: to look at a time of one's own choice.
+    /// Returns a time of one's own choice to look at, without prediction: `now` for own avatars, `shown` for
+    /// all else.
     #[must_use]
     pub const fn new(now: f64, shown: f64) -> Self {
         Self { now, shown, predicted: now, clock_error_s: None, input_delay_s: None }
     }
 
-    /// Returns the same with another time for own avatars and what they touch.
+    /// Returns the same with another tick for own avatars and what they touch.
     #[must_use]
     pub const fn predicting(self, tick: f64) -> Self {
         Self { predicted: tick, ..self }
@@ -69,20 +73,20 @@ pub(crate) struct Playback {
     clock: TickClock,
     playhead: Playhead,
     tracks: BTreeMap<BodyId, Track>,
-    /// Whether anything moved in the newest batch, and its tick: if so, the next is to come soon.
+    /// Whether anything moved in the newest batch (then the next should come soon), and its tick.
     moves: bool,
     newest_batch: f64,
-    /// The newest tick heard of that is no guess.
+    /// The newest tick heard of that is no guess (not speculative).
     settled: f64,
-    /// Whether the newest tick heard of is a guess.
+    /// Whether the newest tick heard of is a guess (speculative).
     guesses: bool,
-    /// Whether the next tick heard of is counted otherwise than those before.
+    /// Whether ticks are counted anew from the next one heard of on.
     recounts: bool,
     sweep_at: f64,
 }
 
 impl Playback {
-    /// Returns one of a world with ticks of this length, and this gravity, m/s².
+    /// Creates the playback of a world with ticks of `dt_s` seconds and this gravity, m/s².
     pub(crate) fn new(dt_s: f32, gravity: [f32; 3]) -> Self {
         let dt_s = f64::from(dt_s).max(1e-6);
         Self {
@@ -104,17 +108,17 @@ impl Playback {
         self.clock.set_offset(offset as f64 * 1e-6, error as f64 * 1e-6);
     }
 
-    /// Follows another leader, whose clock is another.
+    /// Follows another leader, whose clock differs from the former one's.
     pub(crate) fn change_leader(&mut self) {
         self.clock.change_leader();
     }
 
-    /// Begins to count ticks anew with the next one heard of.
+    /// Counts ticks anew from the next one heard of on.
     pub(crate) fn recount(&mut self) {
         self.recounts = true;
     }
 
-    /// Takes in which tick states are of, before they are learned.
+    /// Takes in the stamp of a batch of states, before each state is learned.
     pub(crate) fn hear(&mut self, now: Duration, stamp: &Stamp, states: &[SharedState]) {
         let tick = stamp.tick.0 as f64;
         if std::mem::take(&mut self.recounts) {
@@ -124,7 +128,8 @@ impl Playback {
             // A guess that comes late.
             return;
         } else {
-            // What is so withdraws the guesses, unless it is of before them and comes late.
+            // Settled states withdraw the guesses, unless they come late and are of a tick before the
+            // guesses.
             let withdraws = self.guesses && !stamp.speculative && tick > self.settled;
             self.hear_anew(now, stamp, withdraws && self.clock.newest().is_some_and(|newest| tick < newest));
         }
@@ -133,7 +138,7 @@ impl Playback {
             // A batch comes in several parts.
             self.moves = moves || self.moves && self.newest_batch == tick;
             (self.guesses, self.newest_batch) = (stamp.speculative, tick);
-            // Who guesses does not know what other nodes would tell of.
+            // A node that guesses does not know what other nodes would tell of.
             if !stamp.speculative {
                 self.tell_up_to(tick);
             }
@@ -146,7 +151,8 @@ impl Playback {
         }
     }
 
-    /// Notes that what is told next is of this tick. What was shown slowing down, since nothing came for long, goes on from there.
+    /// Notes that all nodes have told of this tick. Bodies that were shown slowing down, because nothing came
+    /// for long, go on from where they are shown.
     fn tell_up_to(&mut self, tick: f64) {
         let former = std::mem::replace(&mut self.reckoning.told, tick);
         let slowed = |shown: &f64| (*shown - former) * self.reckoning.dt_s > GOES_ON_S && former < tick;
@@ -161,7 +167,7 @@ impl Playback {
         let opened = (stamp.opened_us != 0).then(|| Duration::from_micros(stamp.opened_us));
         self.clock.hear(now, tick, opened, anew);
         if let (Some(newest), Some(shown)) = (newest.filter(|_| anew), self.playhead.shown()) {
-            // What is shown now stays so, and all that is told from here on is of later ticks.
+            // What is shown now stays, and all that is told from here on is of later ticks.
             let to = (shown - newest + tick).min(tick - self.playhead.cadence());
             self.playhead.rebase(to);
             self.tracks.values_mut().for_each(|track| track.rebase(shown, to, &self.reckoning));
@@ -169,7 +175,7 @@ impl Playback {
         }
     }
 
-    /// Takes in the state of a body, which was like `before` when it was last heard of.
+    /// Takes in the state of a body. `before` is its motion when it was last heard of.
     pub(crate) fn learn(&mut self, now: Duration, stamp: &Stamp, state: &SharedState, before: Motion) {
         let tick = stamp.tick.0 as f64;
         let cadence = self.playhead.cadence();
@@ -182,7 +188,7 @@ impl Playback {
         track.learn((tick, motion, state.sleeping), stamp.speculative, cadence, shown, &self.reckoning);
     }
 
-    /// Shows a body standing where it was told last, once it is shown there: nothing more will be heard of it.
+    /// Lets a body stand where it was told last, from that tick on: nothing more will be heard of it.
     pub(crate) fn stand(&mut self, id: BodyId) {
         if let (Some(track), Some(shown)) = (self.tracks.get_mut(&id), self.playhead.shown()) {
             track.stand(shown, &self.reckoning);
@@ -198,7 +204,7 @@ impl Playback {
     pub(crate) fn time(&mut self, now: Duration) -> Option<ViewTime> {
         let (newest, world_tick) = (self.clock.newest()?, self.clock.tick_at(now)?);
         let period_s = self.clock.period_s();
-        // While something moves, nobody knows how it is long after it was last heard of.
+        // While something moves, its motion long after the last state is unknown: time stops there.
         let limit = if self.moves { newest + BEYOND_S / period_s } else { f64::INFINITY };
         let before = self.playhead.shown();
         let (shown, jumps) = self.playhead.advance(now, world_tick, limit, period_s);
@@ -213,26 +219,30 @@ impl Playback {
         Some(ViewTime { clock_error_s: self.clock.error_s(), ..ViewTime::new(now, shown) })
     }
 
-    /// Returns the tick that the world is at, whether or not anything was heard of it lately, and the seconds that a tick takes.
+    /// Returns the tick that the world is at, whether or not anything was heard of it lately, and the seconds
+    /// that a tick takes.
     pub(crate) fn world_tick(&self, now: Duration) -> Option<(f64, f64)> {
         Some((self.clock.tick_at(now)?, self.clock.period_s()))
     }
 
-    /// Returns the newest tick of which all that moves was told, guesses left out: where nothing moves, little is told.
+    /// Returns the newest tick up to which everything that moves was told, guesses left out. Where nothing
+    /// moves, little is told.
     pub(crate) fn told(&self) -> Option<f64> {
         let told = Some(self.reckoning.told).filter(|told| told.is_finite())?;
         let still = self.playhead.shown().filter(|_| !self.moves && !self.guesses);
-        // What begins to move is told of some time after it did.
+        // A body that begins to move is told of some time after it began.
         Some(still.map_or(told, |shown| told.max(shown - STILL_UNTOLD)))
     }
 
-    /// Returns how a body was at a tick by what was told of it, and whether it rested; `None` if nothing was heard of it since long.
+    /// Returns the motion of a body at a tick by what was told of it, and whether it rested; `None` if
+    /// nothing was heard of it for long.
     pub(crate) fn told_at(&self, id: BodyId, tick: f64) -> Option<(Motion, bool)> {
         let track = self.tracks.get(&id)?;
         Some((track.told_at(tick, &self.reckoning), track.rests_at(tick)))
     }
 
-    /// Returns how a body is shown at a tick; `None` if nothing was heard of it since long: then it is as it was told last.
+    /// Returns the motion in which a body is shown at a tick; `None` if nothing was heard of it for long:
+    /// then it is as told last.
     pub(crate) fn at(&self, id: BodyId, tick: f64) -> Option<Motion> {
         Some(self.tracks.get(&id)?.at(tick, &self.reckoning))
     }
@@ -247,7 +257,7 @@ mod tests {
     const ID: BodyId = BodyId::persistent(1);
     const DT_S: f64 = 1.0 / 60.0;
 
-    /// Tells of a body that goes 6 m/s, or rests, at a time in ticks by our clock.
+    /// Tells of a body that moves at 6 m/s, or rests, at the time `at`, in ticks by our clock.
     fn tell(playback: &mut Playback, at: f64, tick: u64, x: f64, sleeping: bool, speculative: bool) {
         let velocity = Velocity::linear(if sleeping { [0.0; 3] } else { [6.0, 0.0, 0.0] });
         let pose = WorldPose::at([x, 0.0, 0.0]);
@@ -261,11 +271,12 @@ mod tests {
 
     fn show(playback: &mut Playback, at: f64) -> (f64, f64) {
         let time = playback.time(Duration::from_secs_f64(at * DT_S)).unwrap();
-        // Of what rests since long nothing is kept: it is where it was told last.
+        // Nothing is kept of a body that has rested for long: it is where it was told last.
         (time.shown, playback.at(ID, time.shown).map_or(29.7, |motion| motion.pose.translation[0]))
     }
 
-    /// A minute of silence in which all rests, after which another group, or a save, counts otherwise.
+    /// Everything rests in a minute of silence, after which another group, or a save, counts ticks
+    /// differently.
     #[test]
     fn what_is_told_after_ticks_are_counted_anew_is_shown() {
         for count in [3_000_000, 40] {
@@ -292,7 +303,7 @@ mod tests {
         }
     }
 
-    /// Nothing came for a while, so all slowed down; then it comes, but for one body.
+    /// Nothing came for a while, so everything slowed down. Then a batch comes that leaves out one body.
     #[test]
     fn a_body_that_is_not_told_of_after_a_pause_does_not_jump() {
         let mut playback = Playback::new(DT_S as f32, [0.0; 3]);
@@ -328,10 +339,10 @@ mod tests {
         tell(&mut playback, 61.0, 60, 6.0, false, true);
         tell(&mut playback, 64.0, 63, 6.3, false, true);
         let before = show(&mut playback, 64.5).0;
-        // A part of the batch of tick 57.
+        // A late part of the batch of tick 57.
         tell(&mut playback, 64.6, 57, 5.7, false, false);
         assert!(show(&mut playback, 64.7).0 > before);
-        // What is so: 30 ticks were guessed before.
+        // A settled state comes after 30 ticks were guessed.
         tell(&mut playback, 90.0, 90, 9.0, false, true);
         let so_far = show(&mut playback, 90.2).1;
         tell(&mut playback, 91.0, 60, 6.0, false, false);

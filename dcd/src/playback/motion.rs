@@ -5,35 +5,38 @@ use nalgebra::{UnitQuaternion, Vector3};
 use crate::delta::{LIKE_FALL, UNTOLD_S};
 use crate::protocol::{BodyState, Velocity, WorldPose};
 
-/// The time within which an extrapolated body comes to a stop, seconds: beyond it nobody can say where the body is.
+/// The time within which an extrapolated body comes to a stop, seconds: later than that nobody can say where
+/// the body is.
 pub(super) const BEYOND_S: f64 = 0.25;
 
-/// The time beyond the newest batch of states for which a body that was not in it is still taken to go on, seconds: about as long as
-/// the next one may take.
+/// How long after the newest batch of states a body that was not in it is still taken to go on, seconds:
+/// about as long as the next batch may take.
 pub(super) const GOES_ON_S: f64 = 0.1;
 
-/// A change of velocity above this, m/s², was an impact: what gravity and friction do is slower.
+/// The acceleration above which a change of velocity was an impact, m/s²: gravity and friction are weaker.
 const IMPACT_M_S2: f64 = 40.0;
 
-/// A turn between two states above this, radians, is not told from the turn the other way round by the two rotations alone.
+/// The turn between two states, radians, above which their rotations alone do not tell its direction.
 const LONG_TURN_RAD: f64 = 2.0;
 
-/// A body is taken to have been put elsewhere, and not to have moved there, if it is farther than its velocities explain by this, metres.
+/// A body was put elsewhere, and did not move there, if it is farther away than its velocities explain by
+/// this, metres.
 const TELEPORT_M: f64 = 2.0;
 
-/// What is reckoned with where no state of a body is known yet (dead reckoning, thesis 3.3.11).
+/// The assumptions where no state of a body is known yet (dead reckoning, thesis 3.3.11).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reckoning {
     pub(super) dt_s: f64,
-    /// What falling adds to a velocity, m/s².
+    /// The acceleration of bodies that fall, m/s².
     pub(super) gravity: Vector3<f64>,
-    /// The tick of the newest batch of states: who told it would have told of a body too, had it not gone on as it did.
+    /// The tick of the newest batch of states. A body that is not in the batch has gone on as before, or else
+    /// the batch would tell of it.
     pub(super) told: f64,
 }
 
 impl Reckoning {
-    /// Returns how a body goes on after its newest state, which is that after the first of these two ticks, if it keeps its acceleration:
-    /// as long as it would have been told otherwise, and then slower and slower.
+    /// Returns the motion of a body at `tick`, after its newest state, which is of the tick `from`. It keeps
+    /// its acceleration for as long as a change would have been told, and then becomes slower and slower.
     pub(super) fn beyond(&self, last: &Motion, falls: bool, from: f64, tick: f64) -> Motion {
         let free_s = ((self.told - from).max(0.0) * self.dt_s + GOES_ON_S).min(UNTOLD_S);
         let seconds = (tick - from) * self.dt_s;
@@ -58,9 +61,9 @@ impl Reckoning {
 /// The pose and velocity of a body at some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// Where it is, in world space.
+    /// The position and rotation, in world space.
     pub pose: WorldPose,
-    /// How it moves, m/s and rad/s.
+    /// The velocity, m/s and rad/s.
     pub velocity: Velocity,
 }
 
@@ -70,7 +73,7 @@ impl Motion {
         Self { pose: state.pose, velocity: state.velocity }
     }
 
-    /// Returns the motion of a body that stays here.
+    /// Returns the motion of a body that rests in this pose.
     pub(super) fn at_rest(pose: WorldPose) -> Self {
         Self { pose, velocity: Velocity::default() }
     }
@@ -81,8 +84,9 @@ impl Motion {
         turn_between(&self.pose, &other.pose).norm()
     }
 
-    /// Returns the motion at `share` (0 to 1) of the `span_s` seconds between this state and the next: positions by a cubic Hermite
-    /// spline, or by two straight lines where the velocities tell of an impact in between; rotations by SLERP.
+    /// Returns the motion at `share` (0 to 1) of the `span_s` seconds between this state and the next.
+    /// Positions follow a cubic Hermite spline, or two straight lines where the velocities show an impact in
+    /// between; rotations follow SLERP.
     pub(crate) fn towards(&self, next: &Self, span_s: f64, share: f64) -> Self {
         if span_s <= 0.0 || share >= 1.0 {
             return *next;
@@ -111,14 +115,14 @@ impl Motion {
         if rad_s(self).max(rad_s(next)) * span_s < LONG_TURN_RAD {
             return self.pose.interpolated(&next.pose, share).rotation;
         }
-        // A wheel may have turned more than once: it goes on as it did, and gradually as it will.
+        // A wheel may have turned more than once: it turns on as it did, and gradually as it will.
         let on = self.pose.moved(&self.velocity, share * span_s);
         let back = next.pose.moved(&next.velocity, (share - 1.0) * span_s);
         on.interpolated(&back, share * share * (3.0 - 2.0 * share)).rotation
     }
 
-    /// Returns the motion `seconds` later if nothing touches the body (dead reckoning, thesis 3.3.11), but for a damping that brings
-    /// it to a stop within [`BEYOND_S`].
+    /// Returns the motion `seconds` later if nothing touches the body (dead reckoning, thesis 3.3.11), with a
+    /// damping that stops it within [`BEYOND_S`].
     pub(crate) fn beyond(&self, seconds: f64) -> Self {
         let seconds = seconds.clamp(0.0, BEYOND_S);
         let moves_s = seconds * (1.0 - seconds / (2.0 * BEYOND_S));
@@ -133,7 +137,7 @@ impl Motion {
         }
     }
 
-    /// Returns whether the body cannot have moved from here to there.
+    /// Returns whether the body cannot have moved from this state to the next within `span_s` seconds.
     pub(crate) fn is_teleported_to(&self, next: &Self, span_s: f64) -> bool {
         let speed_m_s = vector(self.velocity.linear).norm() + vector(next.velocity.linear).norm();
         let way_m = self.distance_m(next);
@@ -160,7 +164,7 @@ impl End {
         if faster.abs() <= IMPACT_M_S2 * span_s {
             return self.hermite(next, span_s, share);
         }
-        // It went on at one speed until something struck it, and since then at the other.
+        // It moved at the first speed until something struck it, and at the second from then on.
         let struck_s = (next.speed * span_s - way) / faster;
         if (0.0..=span_s).contains(&struck_s) {
             let after_s = share * span_s;
@@ -170,7 +174,7 @@ impl End {
                 Self { at: next.at - next.speed * (span_s - after_s), speed: next.speed }
             };
         }
-        // It was struck more than once: no farther than it got.
+        // It was struck more than once: it goes no farther than from one end to the other.
         let limited = |end: Self| {
             let most = 3.0 * way / span_s;
             let speed = if end.speed * way <= 0.0 { 0.0 } else { end.speed.clamp(-most.abs(), most.abs()) };
@@ -196,12 +200,13 @@ pub(super) fn vector(v: [f32; 3]) -> Vector3<f64> {
     Vector3::from(v.map(f64::from))
 }
 
-/// Returns the rotation vector (axis times angle, radians) that leads from one rotation to the other the shorter way.
+/// Returns the rotation vector (axis times angle, radians) that leads from one rotation to the other by the
+/// shorter way.
 pub(super) fn turn_between(from: &WorldPose, to: &WorldPose) -> Vector3<f64> {
     (to.isometry().rotation * from.isometry().rotation.inverse()).scaled_axis()
 }
 
-/// Returns the rotation turned by a rotation vector.
+/// Returns the rotation of a pose, turned by a rotation vector.
 pub(super) fn turned(pose: &WorldPose, turn: Vector3<f64>) -> [f32; 4] {
     let rotation = UnitQuaternion::from_scaled_axis(turn) * pose.isometry().rotation;
     [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32)
@@ -234,13 +239,13 @@ mod tests {
 
     #[test]
     fn a_body_that_hits_the_ground_is_not_shown_below_it() {
-        // At 5 m/s, 5 mm above it; it lies there from then on.
+        // It falls at 5 m/s, 5 mm above the ground, and lies there from then on.
         let (a, b) = (motion(0.005, -5.0), motion(0.0, 0.0));
         for share in 0..=20 {
             let x = x(&a, &b, f64::from(share) / 20.0);
             assert!((0.0..=0.005).contains(&x), "{x}");
         }
-        // It bounces: from 100 mm above at 5 m/s, off again at 3.
+        // It bounces: it falls at 5 m/s, 100 mm above the ground, and leaves at 3 m/s.
         let (a, b) = (motion(0.1, -5.0), motion(0.09, 3.0));
         let shown: Vec<_> = (0..=50).map(|share| x(&a, &b, f64::from(share) / 50.0)).collect();
         let lowest = shown.iter().copied().fold(f64::MAX, f64::min);

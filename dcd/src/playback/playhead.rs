@@ -1,46 +1,50 @@
-//! Moves the tick that is shown of a world: as little behind the world as the states that come allow (a jitter buffer), and smoothly.
+//! Moves the tick that is shown of a world, smoothly and as little behind the world as the arriving states
+//! allow (a jitter buffer).
 
 use std::time::Duration;
 
-/// The depths told apart, each so many seconds deeper than the one before: half a second in all.
+/// The number of depths told apart, each [`STEP_S`] deeper than the one before: half a second in all.
 const DEPTHS: usize = 128;
 const STEP_S: f64 = 0.004;
-/// The share of states that may come later than the buffer is deep.
+/// The share of states that may arrive later than the buffer is deep.
 const LATE: f32 = 0.015;
-/// What is left of the weight of earlier states with each batch: those of some two seconds count.
+/// The share of their weight that earlier states keep with each batch: those of some two seconds count.
 const KEPT: f32 = 0.97;
-/// The most batches back that what was known of a body counts from.
+/// The number of batches back from which the last known state of a body counts at most.
 const MOST_BATCHES: f64 = 2.0;
-/// What the buffer is deeper than it must be, seconds.
+/// The margin added to the depth of the buffer, seconds.
 const MARGIN_S: f64 = 0.004;
-/// The depth before anything is known, seconds.
+/// The depth before anything is measured, seconds.
 const FIRST_S: f64 = 0.1;
-/// A gap above this, seconds, was none in what the network brought: the body was not told of.
+/// The gap between states of a body above which the network was not the cause, seconds: the body was not told
+/// of.
 const PAUSE_S: f64 = 1.0;
-/// The share by which what is shown runs faster or slower to get where it should be.
+/// The share by which the shown tick runs faster or slower to approach its goal.
 const SLEW: f64 = 0.1;
 /// The same where it is farther off than [`FAR_S`].
 const FAST_SLEW: f64 = 0.5;
-/// By how much that share changes in a second at most: what moves at 10 m/s is then shown to gain or lose 10 m/s² by it.
+/// The most by which that share changes per second: a body that moves at 10 m/s is then shown to gain or lose
+/// 10 m/s² by it.
 const EASE_PER_S: f64 = 1.0;
-/// See [`FAST_SLEW`]; seconds.
+/// The distance from the goal above which [`FAST_SLEW`] applies, seconds.
 const FAR_S: f64 = 0.1;
-/// What is shown jumps forward if it is farther behind than this, seconds.
+/// The lag above which the shown tick jumps forward, seconds.
 const JUMP_S: f64 = 0.5;
-/// What is shown jumps back if it is farther ahead than this, seconds: nothing good brought it there.
+/// The lead above which the shown tick jumps back, seconds: only a fault can cause it.
 const BACK_S: f64 = 3.0;
 
 /// The tick that is shown, and how deep the buffer behind it is.
 #[derive(Clone, Debug)]
 pub(super) struct Playhead {
-    /// The tick shown last, and when.
+    /// The tick shown last, and when that was.
     shown: Option<(f64, Duration)>,
-    /// The share by which what is shown runs faster or slower than the world.
+    /// The share by which the shown tick runs faster than the world, or slower if it is negative.
     slew: f64,
-    /// The tick of the last batch of states, and that of the one before.
+    /// The tick of the last batch of states, and the tick of the batch before.
     last: Option<f64>,
     before: Option<f64>,
-    /// How many states came while what was known of their bodies was so old, the later the more they weigh.
+    /// For each depth, the number of states that came while what was known of their bodies was so old. Later
+    /// states weigh more.
     late: Box<[f32; DEPTHS]>,
 }
 
@@ -51,7 +55,7 @@ impl Default for Playhead {
 }
 
 impl Playhead {
-    /// Begins a batch: states of a tick have come.
+    /// Begins a batch of states of this tick.
     pub(super) fn begin(&mut self, tick: f64) {
         if self.last.is_none_or(|last| last < tick) {
             self.before = self.last.replace(tick);
@@ -59,8 +63,9 @@ impl Playhead {
         }
     }
 
-    /// Notes that a state of this tick has come of a body that moves, and the tick of what was known of it until then. A body of which
-    /// several batches did not tell was not lost with them: it goes on as it did, or there was no room.
+    /// Notes that a state of a moving body has come. It is of `tick`, the state known until then was of
+    /// `known`, and the world is at `world_tick`. A body that several batches left out was not lost with
+    /// them: it goes on as it did, or there was no room for it.
     pub(super) fn note(&mut self, world_tick: f64, tick: f64, known: f64, period_s: f64) {
         if !(0.0..PAUSE_S).contains(&((world_tick - known) * period_s)) {
             return;
@@ -71,7 +76,7 @@ impl Playhead {
         }
     }
 
-    /// Counts ticks anew: this one is shown now.
+    /// Counts ticks anew: this tick is shown now.
     pub(super) fn rebase(&mut self, tick: f64) {
         self.shown = self.shown.map(|(_, at)| (tick, at));
         (self.last, self.before) = (None, None);
@@ -88,7 +93,7 @@ impl Playhead {
         self.shown.map(|(tick, _)| tick)
     }
 
-    /// Returns by how many seconds what is shown is to be behind the world.
+    /// Returns by how many seconds the shown tick should be behind the world.
     fn depth_s(&self) -> f64 {
         let most = self.late.iter().sum::<f32>() * LATE;
         let mut later = 0.0;
@@ -99,7 +104,8 @@ impl Playhead {
         depth.map_or(FIRST_S, |depth| (depth + 1) as f64 * STEP_S + MARGIN_S)
     }
 
-    /// Returns the tick to show now, hardly ever below the last one, and whether it jumps there; `limit` is the last that can be shown.
+    /// Returns the tick to show now, and whether the shown tick jumps there. It is hardly ever below the last
+    /// one. `limit` is the last tick that can be shown.
     pub(super) fn advance(
         &mut self,
         now: Duration,
@@ -116,7 +122,7 @@ impl Playhead {
         let off = target - (shown + elapsed);
         let jumps = off * period_s > JUMP_S || off * period_s < -BACK_S;
         let most = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
-        // As fast as it can still slow down from.
+        // No faster than it can still slow down from.
         let wanted = most.min((2.0 * EASE_PER_S * off.abs() * period_s).sqrt()).copysign(off);
         let ease = EASE_PER_S * elapsed * period_s;
         self.slew += (wanted - self.slew).clamp(-ease, ease);
@@ -139,8 +145,8 @@ mod tests {
         Duration::from_secs_f64(10.0 + ticks * DT_S)
     }
 
-    /// Plays 600 ticks, of each third of which states come so many ticks later; frames are 1.7 ticks long. Returns what was shown with the
-    /// tick of each frame, and the newest state of then.
+    /// Plays 600 ticks. The states of every third tick come `late` ticks later; frames are 1.7 ticks long.
+    /// Returns for each frame the world's tick, the tick shown, and the tick of the newest state.
     fn play(late: impl Fn(u32) -> f64) -> Vec<(f64, f64, f64)> {
         let mut playhead = Playhead::default();
         let mut come: Vec<_> = (0..600).step_by(3).map(|tick| (f64::from(tick) + late(tick), tick)).collect();

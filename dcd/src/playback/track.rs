@@ -1,7 +1,8 @@
-//! Keeps the last states of one body, and shows it at any time between and shortly beyond them (snapshot interpolation).
+//! Keeps the last states of one body, and shows it at any time between and shortly beyond them (snapshot
+//! interpolation).
 //!
-//! Where a new state contradicts what was extrapolated and shown, the difference melts away within moments instead of being seen
-//! as a jump.
+//! Where a new state contradicts what was extrapolated and shown, the difference fades out within moments
+//! instead of being seen as a jump.
 
 use std::collections::VecDeque;
 
@@ -29,7 +30,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Returns the track of a body that was like this up to a tick.
+    /// Creates the track of a body that rested in this motion up to a tick.
     pub(super) fn new(tick: f64, motion: Motion) -> Self {
         let first = Sample { tick, motion, rests: true, speculative: false };
         Self { samples: [first].into(), melt: None }
@@ -39,7 +40,7 @@ impl Track {
         self.samples.back().expect("a track has a state")
     }
 
-    /// Returns whether the body rests, since before a tick.
+    /// Returns whether the body has rested since before a tick.
     pub(super) fn rests_since_before(&self, tick: f64) -> bool {
         self.newest().rests && self.newest().tick < tick
     }
@@ -49,8 +50,8 @@ impl Track {
         Some(self.newest()).filter(|newest| !newest.rests).map(|newest| newest.tick)
     }
 
-    /// Adds the state after a tick; `cadence` is the number of ticks within which a body that moves is told of. `shown` is the tick that
-    /// was shown last, by which errors are measured.
+    /// Adds the state after a tick: the tick, the motion, and whether the body rests. A moving body is told
+    /// of within `cadence` ticks. `shown` is the tick that was shown last, at which errors are measured.
     pub(super) fn learn(
         &mut self,
         state: (f64, Motion, bool),
@@ -71,7 +72,7 @@ impl Track {
         }
         let newest = *self.newest();
         if newest.rests && newest.tick < tick - cadence {
-            // It began to move since it was told of others last.
+            // It began to move after the last batch, which did not tell of it.
             self.samples.push_back(Sample { tick: tick - cadence, ..newest });
         }
         if tick <= self.newest().tick {
@@ -84,7 +85,8 @@ impl Track {
         self.melt_from(before, shown, reckoning);
     }
 
-    /// Begins anew at a tick with what is shown now: ticks before and after are not of one count.
+    /// Begins anew at the tick `to` with what is shown now: ticks before and after it are counted
+    /// differently.
     pub(super) fn rebase(&mut self, shown: f64, to: f64, reckoning: &Reckoning) {
         let rests = self.newest().rests;
         let motion = self.at(shown, reckoning);
@@ -92,19 +94,19 @@ impl Track {
         self.samples[0].rests = rests;
     }
 
-    /// Goes from one tick that is shown to another, as smoothly as may be.
+    /// Goes from the shown tick `from` to the tick `to` as smoothly as possible.
     pub(super) fn jump(&mut self, from: f64, to: f64, reckoning: &Reckoning) {
         let before = self.at(from, reckoning);
         self.melt_from(before, to, reckoning);
     }
 
-    /// Goes on from what was shown, though otherwise than reckoned with before.
+    /// Goes on from what was shown with the former assumptions.
     pub(super) fn reckon_anew(&mut self, shown: f64, former: &Reckoning, reckoning: &Reckoning) {
         let before = self.at(shown, former);
         self.melt_from(before, shown, reckoning);
     }
 
-    /// Stands from the newest state on.
+    /// Lets the body stand still from its newest state on.
     pub(super) fn stand(&mut self, shown: f64, reckoning: &Reckoning) {
         let before = self.at(shown, reckoning);
         if let Some(newest) = self.samples.back_mut() {
@@ -113,13 +115,13 @@ impl Track {
         self.melt_from(before, shown, reckoning);
     }
 
-    /// Notes as an error what would be shown otherwise than before.
+    /// Notes the difference between what was shown and what is known as an error that fades out.
     fn melt_from(&mut self, before: Motion, shown: f64, reckoning: &Reckoning) {
         let bare = self.told_at(shown, reckoning);
         self.melt = Melt::after(self.melt.take(), &before, &bare, shown, reckoning.dt_s);
     }
 
-    /// Returns how the body is shown at a tick.
+    /// Returns the motion in which the body is shown at a tick.
     pub(super) fn at(&self, tick: f64, reckoning: &Reckoning) -> Motion {
         let mut motion = self.told_at(tick, reckoning);
         if let Some(melt) = &self.melt {
@@ -133,7 +135,7 @@ impl Track {
         self.samples.iter().rev().find(|sample| sample.tick <= tick).is_none_or(|sample| sample.rests)
     }
 
-    /// Returns how the body is at a tick by what is known of it.
+    /// Returns the motion of the body at a tick by what is known of it.
     pub(super) fn told_at(&self, tick: f64, reckoning: &Reckoning) -> Motion {
         let after = self.samples.partition_point(|sample| sample.tick <= tick);
         match (after.checked_sub(1).map(|i| &self.samples[i]), self.samples.get(after)) {
@@ -165,7 +167,7 @@ mod tests {
 
     const DT_S: f64 = 1.0 / 60.0;
     const CADENCE: f64 = 3.0;
-    /// Nothing falls, and nobody says how far states were told.
+    /// Nothing falls, and no batch has been told.
     const RECKONING: Reckoning =
         Reckoning { dt_s: DT_S, gravity: Vector3::new(0.0, 0.0, 0.0), told: f64::NEG_INFINITY };
 
@@ -198,7 +200,7 @@ mod tests {
         assert_eq!(before, after);
     }
 
-    /// It was shown going on, and was stopped by a wall meanwhile.
+    /// The body was shown going on, while a wall had stopped it.
     #[test]
     fn an_error_melts_away_without_a_jump() {
         let mut track = Track::new(0.0, going(0.0, 6.0));
@@ -220,7 +222,7 @@ mod tests {
             last = next;
         }
         assert!(last.distance_m(&learned) < 1e-9);
-        // The same again: what melts goes on melting.
+        // The same state again: the error goes on fading out.
         track.learn((11.0, learned, true), false, CADENCE, 12.0, &RECKONING);
         assert!(x(&track, 12.0) > 0.4);
     }
@@ -251,7 +253,7 @@ mod tests {
         assert!((x(&track, 33.0, 33.0) - 3.3).abs() < 1e-6, "half a second of 6 m/s");
         assert!(x(&track, 33.0, 3.0) < 1.9, "nobody said that it does");
         assert!(x(&track, 1_000.0, 1_000.0) < 0.3 + 6.0 * 2.2, "not for ever");
-        // It fell between the last two states: so it falls on.
+        // It fell between the last two states, so it falls on.
         let mut track = Track::new(0.0, going(0.0, 6.0));
         let fall = |ticks: f64| {
             let s = ticks * DT_S;

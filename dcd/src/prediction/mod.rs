@@ -1,8 +1,10 @@
-//! Predicts own avatars and what they touch ahead of the world, so that they answer to their user at once (client-side prediction).
+//! Predicts own avatars and what they touch ahead of the world, so that they answer to their user at once
+//! (client-side prediction).
 //!
-//! A client keeps a small Rapier world of what is near its avatars. An input acts there in the tick that it names, at once; the node that
-//! computes the world applies it in the same tick, some time later. When the states of a tick come and are not as predicted, that tick is
-//! put right and those after it are computed again with the inputs since (rollback); what that changes of what is shown melts away.
+//! A client keeps a small Rapier world of what is near its avatars. There an input acts at once, in the tick
+//! that it names. The node that computes the world applies the input in the same tick, some time later. When
+//! the states of a tick arrive and differ from the prediction, the client corrects that tick and computes the
+//! ticks after it again, with the inputs since (rollback). What that changes of what is shown fades out.
 
 mod near;
 mod shown;
@@ -26,44 +28,48 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
 
-/// No tick is predicted farther beyond the last one told.
+/// The most ticks that are predicted beyond the last one told.
 const AHEAD_TICKS: u64 = 90;
-/// How long inputs are kept, in ticks.
+/// The number of ticks for which inputs are kept.
 const KEPT_TICKS: u64 = 4 * AHEAD_TICKS;
-/// How often it is looked for what is near, in ticks.
+/// The number of ticks between two searches for what is near.
 const SEARCH_TICKS: u64 = 6;
-/// Bodies that nothing of ours is about to touch are put right no more often, in ticks.
+/// The least number of ticks between two corrections of bodies that no own avatar is about to touch.
 const PATIENCE_TICKS: u64 = 30;
-/// A body that is predicted within this is as told, metres, radians, m/s: states are told in steps of about a tenth of it.
+/// The error within which a predicted position is as told, metres. States are told in steps of about a tenth
+/// of these tolerances.
 const LIKE_M: f64 = 0.004;
-/// See [`LIKE_M`].
+/// The same of a rotation, radians; see [`LIKE_M`].
 const LIKE_RAD: f64 = 0.01;
-/// See [`LIKE_M`].
+/// The same of a speed, m/s; see [`LIKE_M`].
 const LIKE_M_S: f32 = 0.1;
-/// A body that moves less than this from a moment behind the world to the predicted tick is shown at either, metres.
+/// A body that moves less than this from a moment behind the world to the predicted tick may be shown at
+/// either, metres.
 const STILL_M: f64 = 0.002;
-/// Every how many ticks a checkpoint is made: states are told every third tick as a rule.
+/// The number of ticks between two checkpoints: states are told every third tick as a rule.
 const CHECKPOINT_TICKS: u64 = 3;
-/// A correction above this is counted, metres.
+/// The correction above which it is counted, metres.
 const COUNTED_M: f64 = 0.02;
 
-/// Counts what a client predicted, and how often it was wrong ([`World::prediction`](crate::World::prediction)).
+/// Statistics of what a client predicted, and how often it was wrong
+/// ([`World::prediction`](crate::World::prediction)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Prediction {
-    /// Movable bodies that are predicted now: own avatars and what is near.
+    /// The number of movable bodies that are predicted now: own avatars and what is near.
     pub bodies: usize,
-    /// Ticks predicted so far.
+    /// The number of ticks predicted so far.
     pub ticks: u64,
-    /// Times that something was not as told, and was computed again.
+    /// The number of replays: times that the received states differed from the prediction, and ticks were
+    /// computed again.
     pub replays: u64,
-    /// Replays by which an own avatar, or what it touches, was shown more than 2 cm off.
+    /// The number of replays by which an own avatar, or what it touches, was shown more than 2 cm off.
     pub corrections: u64,
-    /// The largest of them, metres.
+    /// The largest such correction, metres.
     pub largest_correction_m: f64,
-    /// Wall time of the last frame's predictions.
+    /// The wall time of predictions in the last frame.
     pub last_frame: Duration,
-    /// The longest of them.
+    /// The longest wall time of predictions in a frame.
     pub longest_frame: Duration,
 }
 
@@ -71,12 +77,12 @@ pub struct Prediction {
 struct Near {
     traits: Arc<BodyTraits>,
     user_data: u128,
-    /// Its states from the base tick on.
+    /// Its states from the base tick on, one per tick.
     states: VecDeque<BodyState>,
     shown: Shown,
 }
 
-/// What the world tells of the tick that predictions begin from.
+/// What the world tells of the tick from which predictions begin.
 struct Told {
     tick: Tick,
     states: BTreeMap<BodyId, (Motion, bool)>,
@@ -85,11 +91,11 @@ struct Told {
     first_unapplied: Option<Tick>,
 }
 
-/// A change of what is predicted.
+/// A change of the set of bodies that are predicted.
 struct Changes {
     chosen: Chosen,
     bodies: Vec<BodyRecord>,
-    /// Parts before the compounds that use them.
+    /// Shapes; parts come before the compounds that use them.
     shapes: Vec<ShapeRecord>,
     joints: Vec<JointRecord>,
 }
@@ -100,25 +106,27 @@ pub(crate) struct Predictor {
     host: RegionHost,
     dt_s: f64,
     near: BTreeMap<BodyId, Near>,
-    /// Immovable bodies and joints, as they were told when they were put in.
+    /// Immovable bodies and joints, as told when they were inserted.
     scenery: BTreeMap<BodyId, BodyRecord>,
     joints: BTreeMap<JointId, JointRecord>,
     search: Search,
     search_at: Tick,
-    /// What was heard since the last frame.
+    /// The changes found since the last frame.
     changes: Option<Changes>,
-    /// Whether anything came, went or became another since it was predicted last: checkpoints are of what was before.
+    /// Whether anything was inserted, removed or changed since the last prediction: checkpoints are of the
+    /// bodies before.
     is_changed: bool,
     told: Option<Told>,
     /// Inputs that may have to act again, in the order of the ticks that they name.
     inputs: VecDeque<Input>,
     first_unapplied: Option<Tick>,
-    /// The newest tick told, from which it is predicted, and the newest predicted.
+    /// The newest tick told, from which predictions begin, and the newest tick predicted.
     base: Tick,
     tip: Tick,
-    /// What the small world held after the base tick and some of those since: contacts too, without which stacks fall otherwise.
+    /// Checkpoints of the small world after the base tick and some of those since. They hold contacts too,
+    /// without which stacks fall differently.
     checkpoints: VecDeque<Checkpoint>,
-    /// The ticks to be computed again begin with this one.
+    /// The first tick to compute again, if any.
     stale: Option<Tick>,
     put_right: Tick,
     /// The newest tick that was ever predicted.
@@ -159,11 +167,11 @@ impl Predictor {
         Prediction { bodies: self.near.len(), ..self.stats }
     }
 
-    /// Takes in an input that was made now; it names a tick.
+    /// Takes in an input that was made now. It names a tick.
     pub(crate) fn input(&mut self, input: Input) {
-        // What was to come after it is older: the world stood still meanwhile.
+        // Inputs of the same slot that name later ticks are older: the world stood still meanwhile.
         self.inputs.retain(|old| old.slot() != input.slot() || old.tick <= input.tick);
-        // Nobody may show what they do.
+        // The client may never show a frame, which would let inputs go.
         while self.inputs.front().is_some_and(|old| old.tick.0 + KEPT_TICKS < input.tick.0) {
             self.inputs.pop_front();
         }
@@ -177,7 +185,8 @@ impl Predictor {
     pub(crate) fn listen(&mut self, client: &Client, predicted: f64) {
         let start = Instant::now();
         self.look(client, Tick(predicted.max(0.0) as u64));
-        // Where all rests nothing is told, and what is shown goes on: a world that stood still has not got there.
+        // Where everything rests, nothing is told, and the told tick follows the shown one. A world that
+        // stood still has not reached that tick.
         let told = client.told_tick().map(|tick| tick.min(Tick(predicted.max(0.0) as u64)));
         self.told = told.map(|tick| Told {
             tick,
@@ -192,7 +201,7 @@ impl Predictor {
         self.stats.last_frame = start.elapsed();
     }
 
-    /// Predicts up to the tick `time.predicted`; call it once per frame.
+    /// Predicts up to the tick `time.predicted`. Call it once per frame.
     pub(crate) fn advance(&mut self, time: &ViewTime) {
         let start = Instant::now();
         self.change();
@@ -206,7 +215,7 @@ impl Predictor {
         self.stats.longest_frame = self.stats.longest_frame.max(self.stats.last_frame);
     }
 
-    /// Returns how a body is shown at a tick; `None` if that is not predicted.
+    /// Returns the motion in which a body is shown at a tick; `None` if that is not predicted.
     pub(crate) fn at(&self, id: BodyId, tick: f64) -> Option<Motion> {
         let near = self.near.get(&id)?;
         let mut motion = self.bare_at(near, tick)?;
@@ -214,7 +223,7 @@ impl Predictor {
         Some(motion)
     }
 
-    /// Returns the tick at which a body is shown beside others, if it is predicted.
+    /// Returns the tick at which a body is shown in this frame; `None` if it is not predicted.
     pub(crate) fn tick_of(&self, id: BodyId, time: &ViewTime) -> Option<f64> {
         let ahead = self.near.get(&id)?.shown.ahead();
         Some(time.shown + ahead * (time.predicted - time.shown))
@@ -231,7 +240,7 @@ impl Predictor {
         let next = (from + 1).min(last);
         let share = (since - from as f64).min(1.0);
         let (a, b) = (motion(from), motion(next));
-        // Within a tick a body goes straight on, at the velocity that it has after it.
+        // Within a tick a body moves straight, at the velocity that it has after the tick.
         let mut between = a.towards(&b, self.dt_s, share);
         if !a.is_teleported_to(&b, self.dt_s) {
             let [a, to] = [a, b].map(|motion| motion.pose.translation);
@@ -241,10 +250,10 @@ impl Predictor {
         Some(between)
     }
 
-    /// Looks for what is near, now and then, and for bodies and joints that have changed.
+    /// Searches now and then for what is near, and for bodies and joints that have changed.
     fn look(&mut self, client: &Client, now: Tick) {
         let waits = now < self.search_at && now.0 + SEARCH_TICKS >= self.search_at.0;
-        // While the world arrives, perhaps anew, not all joints are known.
+        // While the world arrives, perhaps once more, not all joints are known.
         if waits || self.changes.is_some() || !client.is_joined() {
             return;
         }
@@ -274,13 +283,13 @@ impl Predictor {
         self.changes = Some(Changes { chosen, bodies, shapes, joints });
     }
 
-    /// Returns whether a movable body is predicted as what it is told to be.
+    /// Returns whether a movable body is predicted with the traits and user data that are told of it now.
     fn moves_as(&self, told: &BodyRecord) -> bool {
         let near = self.near.get(&told.id);
         near.is_some_and(|near| near.user_data == told.user_data && is_of(&near.traits, &told.traits))
     }
 
-    /// Returns whether an immovable body is in the small world as it is told to be, and where.
+    /// Returns whether an immovable body is in the small world as it is told now, and where it is told to be.
     fn stands_as(&self, told: &BodyRecord) -> bool {
         let held = self.scenery.get(&told.id);
         held.is_some_and(|held| {
@@ -296,8 +305,8 @@ impl Predictor {
         self.scenery.remove(&id);
     }
 
-    /// Drops joints that are not told any more, or otherwise than when they were put in; returns whether there were any. Joints of bodies that
-    /// are gone went with these.
+    /// Drops joints that are no longer told, or differ from when they were inserted. Returns whether there
+    /// were any. Joints of removed bodies went with these.
     fn drop_joints(&mut self, told: &[JointRecord]) -> bool {
         self.joints.retain(|joint, _| self.host.joint(*joint).is_some());
         let gone: Vec<_> =
@@ -309,7 +318,7 @@ impl Predictor {
         !gone.is_empty()
     }
 
-    /// Changes what is predicted.
+    /// Applies the changes to the small world.
     fn change(&mut self) {
         let Some(Changes { chosen, bodies, shapes, joints }) = self.changes.take() else { return };
         let movable = self.near.keys().filter(|id| !chosen.movable.contains(id));
@@ -361,7 +370,7 @@ impl Predictor {
         let before = self.as_shown();
         let is_wrong = self.begin_from(told)?;
         if let Some(stale) = self.stale.take().filter(|_| !is_wrong) {
-            // The input of this frame acts on what was predicted in the last one.
+            // The input of this frame acts on ticks that the last frame predicted.
             self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1))?;
         }
         let goal = Tick((time.predicted.max(0.0) as u64 + 1).min(self.base.0 + AHEAD_TICKS)).max(self.tip);
@@ -385,7 +394,8 @@ impl Predictor {
         Ok(())
     }
 
-    /// Goes on from what was shown where that was of a later tick: the world stood still, and what is ahead of it goes back with it.
+    /// Goes on from what was shown of bodies that were shown at a later tick: the world stood still, and
+    /// predictions go back with it.
     fn jump_back(&mut self, before: &[(BodyId, f64, Motion)]) {
         for (id, last, shown) in before {
             let tick = self.near.get(id).and_then(|near| near.shown.tick()).filter(|tick| tick + 1.0 < *last);
@@ -397,7 +407,8 @@ impl Predictor {
         }
     }
 
-    /// Returns whether a body has not moved, and will not, from the tick at which it was shown last to the newest predicted.
+    /// Returns whether a body neither moved nor will move from the tick at which it was shown last to the
+    /// newest predicted.
     fn is_still(&self, id: BodyId, near: &Near, told: &Told) -> bool {
         let predicted = near.shown.tick().and_then(|tick| self.at(id, tick));
         let (Some(now), Some(last)) = (predicted.or(told.behind.get(&id).copied()), near.states.back())
@@ -417,7 +428,7 @@ impl Predictor {
         self.near.iter().filter_map(of).collect()
     }
 
-    /// Lets what a replay changed of what is shown melt away, and counts it.
+    /// Fades out what a replay changed of what is shown, and counts corrections.
     fn melt(&mut self, before: &[(BodyId, f64, Motion)]) {
         let mut most_m = 0.0_f64;
         for (id, tick, shown) in before {
@@ -434,7 +445,7 @@ impl Predictor {
         self.stats.largest_correction_m = self.stats.largest_correction_m.max(most_m);
     }
 
-    /// Begins from the newest tick told; returns whether what was predicted is to be computed again from there.
+    /// Begins from the newest tick told. Returns whether ticks must be computed again from there.
     fn begin_from(&mut self, told: &Told) -> Result<bool, HostError> {
         let is_changed = std::mem::take(&mut self.is_changed);
         let is_known = (self.base..=self.tip).contains(&told.tick);
@@ -443,7 +454,7 @@ impl Predictor {
         }
         if is_known {
             let over = (told.tick.0 - self.base.0) as usize;
-            // What is new has no states yet.
+            // A body that is new has no states yet.
             self.near.values_mut().for_each(|near| drop(near.states.drain(..over.min(near.states.len()))));
         }
         (self.base, self.first_unapplied) = (told.tick, told.first_unapplied);
@@ -471,7 +482,7 @@ impl Predictor {
         Ok(true)
     }
 
-    /// Forgets what is not needed to compute the base tick again.
+    /// Forgets what is not needed to compute again from the base tick on.
     fn forget_before_base(&mut self) {
         while self.checkpoints.get(1).is_some_and(|second| second.tick() <= self.base) {
             self.checkpoints.pop_front();
@@ -481,7 +492,8 @@ impl Predictor {
         self.inputs.retain(|input| input.tick > from || is_late(input, base, first));
     }
 
-    /// Puts bodies into the states told of the base tick, and all others into those predicted, where contacts are not known any more.
+    /// Puts bodies into the states told of the base tick. All others are put into the states predicted for
+    /// it, where no checkpoint has restored them with their contacts.
     fn put_states(&mut self, told: &BTreeMap<BodyId, (Motion, bool)>) {
         let mut states = Vec::new();
         for (id, near) in &mut self.near {
@@ -505,7 +517,7 @@ impl Predictor {
         self.checkpoints.push_back(self.host.checkpoint());
     }
 
-    /// Goes back to a tick that was predicted, with the contacts that there were.
+    /// Goes back to a tick that was predicted, with the contacts of then.
     fn go_back(&mut self, tick: Tick) -> Result<(), HostError> {
         self.checkpoints.truncate(self.checkpoints.partition_point(|checkpoint| checkpoint.tick() <= tick));
         if let Some(checkpoint) = self.checkpoints.back() {
@@ -524,7 +536,7 @@ impl Predictor {
     fn compute(&mut self) -> Result<(), HostError> {
         let next = self.host.tick().next();
         let (base, first) = (self.base, self.first_unapplied);
-        // What was not applied in the tick that it named comes after it.
+        // Inputs that were not applied in the tick that they named are applied after the base tick.
         let is_due =
             |input: &&Input| input.tick == next || next == base.next() && is_late(input, base, first);
         let inputs: Vec<_> = self.inputs.iter().filter(is_due).copied().collect();
@@ -550,19 +562,22 @@ impl Predictor {
     }
 }
 
-/// Returns whether an input was not applied in the tick that it named, and may yet be: one that is refused never is.
+/// Returns whether an input was not applied in the tick that it named, and may yet be. A refused input never
+/// is.
 fn is_late(input: &Input, base: Tick, first_unapplied: Option<Tick>) -> bool {
     let was_due = input.tick <= base && input.tick.0 + AHEAD_TICKS > base.0;
     was_due && first_unapplied.is_some_and(|first| first <= input.tick)
 }
 
-/// Returns whether traits are predicted as told: what follows poses is predicted as going on.
+/// Returns whether traits are predicted as told. A body that follows poses is predicted to go on at its
+/// velocity.
 fn is_of(predicted: &BodyTraits, told: &Arc<BodyTraits>) -> bool {
     *predicted == **told
         || told.kind == BodyKind::KinematicPosition && predicted.kind == BodyKind::KinematicVelocity
 }
 
-/// Returns a body as it is predicted: of one that follows poses the next pose is not known, so it goes on.
+/// Returns a body as it is predicted. The next pose of a body that follows poses is not known, so it goes on
+/// at its velocity.
 fn predictable(mut body: BodyRecord) -> BodyRecord {
     if body.traits.kind == BodyKind::KinematicPosition {
         Arc::make_mut(&mut body.traits).kind = BodyKind::KinematicVelocity;
@@ -570,7 +585,7 @@ fn predictable(mut body: BodyRecord) -> BodyRecord {
     body
 }
 
-/// Returns whether a predicted state is as told.
+/// Returns whether a predicted state is as told, within the tolerances.
 fn is_like(state: &BodyState, told: &Motion, rests: bool) -> bool {
     let predicted = Motion::of(state);
     let speeds = predicted.velocity.linear.iter().zip(&told.velocity.linear);
@@ -579,11 +594,11 @@ fn is_like(state: &BodyState, told: &Motion, rests: bool) -> bool {
         && (rests || speeds.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < LIKE_M_S)
 }
 
-/// Returns the state of a body as told; how it walks or is driven is as predicted, since that is not told.
+/// Returns the state of a body as told. How it walks or is driven stays as predicted, since that is not told.
 fn put_right(former: BodyState, told: &Motion, rests: bool, is_own: bool) -> BodyState {
     let gait = former.gait.map(|gait| match is_own {
         true => gait,
-        // What others want is what they do.
+        // What others want is taken to be what they do.
         false => Gait { wanted: told.velocity.linear, ..gait },
     });
     let velocity = if rests { Default::default() } else { told.velocity };

@@ -1,5 +1,5 @@
-//! Chooses which bodies a client predicts: those that its avatars may touch within a second, with what is tied to them, and the scenery
-//! around.
+//! Chooses which bodies a client predicts: those that its avatars may touch within a second, the bodies tied
+//! to them, and the scenery around.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -7,23 +7,24 @@ use crate::cluster::{BodyView, Client};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord};
 use crate::space::BodyId;
 
-/// The bodies looked at in one frame: of a larger world a part each time.
+/// The number of bodies looked at in one frame: a larger world takes several frames.
 const LOOKS: usize = 1_024;
 /// The most movable bodies that are predicted, avatars included, and the most immovable ones.
 const MOVABLE: usize = 64;
 const SCENERY: usize = 256;
-/// The most avatars around which it is looked for what is near.
+/// The most avatars around which bodies are searched.
 const AVATARS: usize = 16;
-/// Bodies are predicted from this gap to an avatar on, metres, and beyond that what either moves in a second.
+/// The gap to an avatar within which bodies are predicted, metres; larger by what the two may come closer in
+/// a second.
 const GAP_M: f64 = 8.0;
-/// One that is predicted stays so for as much more, metres.
+/// How much farther away a predicted body stays predicted, metres.
 const HYSTERESIS_M: f64 = 2.0;
 /// The time within which bodies may meet, seconds.
 const AHEAD_S: f64 = 1.0;
-/// No motion is looked ahead for faster, m/s.
+/// The highest speed towards an avatar that counts, m/s.
 const FASTEST_M_S: f64 = 50.0;
 
-/// An own avatar, as a ball that moves.
+/// An own avatar, as a moving ball.
 #[derive(Clone, Copy, Debug)]
 struct Avatar {
     place: [f64; 3],
@@ -32,7 +33,7 @@ struct Avatar {
 }
 
 impl Avatar {
-    /// Returns the gap to a body that moves like this, less what the two may come closer within a second.
+    /// Returns the gap to a moving body, less what the two may come closer within a second, metres.
     fn gap_m(&self, body: &BodyRecord, reach_m: f64) -> f64 {
         let apart = (0..3).map(|i| (body.state.pose.translation[i] - self.place[i]).powi(2));
         let apart_m = apart.sum::<f64>().sqrt();
@@ -48,7 +49,7 @@ pub(super) struct Chosen {
     pub(super) scenery: BTreeSet<BodyId>,
 }
 
-/// Looks through a client's bodies for those to predict, some in each frame.
+/// A search through a client's bodies for those to predict. It takes some bodies in each frame.
 #[derive(Debug, Default)]
 pub(super) struct Search {
     avatars: Vec<Avatar>,
@@ -59,7 +60,7 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// Looks at some bodies; returns which to predict when all were looked at. `present` are predicted now.
+    /// Looks at some bodies. Once all were looked at, returns those to predict. `present` are predicted now.
     pub(super) fn go_on(&mut self, client: &Client, present: &Chosen) -> Option<Chosen> {
         let find = |hash| client.shapes().get(&hash);
         if self.last.is_none() {
@@ -100,7 +101,7 @@ impl Search {
         let nearest = |reach_m: f64| {
             self.avatars.iter().map(|avatar| avatar.gap_m(body, reach_m)).fold(f64::INFINITY, f64::min)
         };
-        // Few bodies are near: most need no look at their shapes.
+        // Few bodies are near, so the shapes of most need no look.
         let as_point_m = nearest(0.0);
         if as_point_m < GAP_M { as_point_m } else { as_point_m - body.reach_m(find) }
     }
@@ -120,8 +121,8 @@ fn nearest(mut bodies: Vec<(f64, BodyId)>, most: usize) -> BTreeSet<BodyId> {
     bodies.into_iter().take(most).map(|(_, id)| id).collect()
 }
 
-/// Adds what joints tie to the chosen bodies. An assembly that has a multibody, which cannot be put into a state from outside, or is too
-/// large is left out whole.
+/// Adds the bodies that joints tie to the chosen ones. An assembly is left out whole if it is too large, or
+/// if it has a multibody, which cannot be put into a state from outside.
 fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId>) -> Chosen {
     let kind = |id: &BodyId| client.body(*id).map(|view| view.body.traits.kind);
     let is_movable = |id: &BodyId| kind(id).is_some_and(|kind| kind != BodyKind::Fixed);
@@ -138,7 +139,8 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
     Chosen { movable: all.difference(&without).copied().collect(), scenery }
 }
 
-/// Adds what is tied to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
+/// Adds the bodies that are tied to these, directly or through others, as far as allowed. `is_allowed` takes
+/// a body, and how many there are so far.
 fn spread(client: &Client, bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
     let mut new: VecDeque<_> = bodies.iter().copied().collect();
     while let Some(body) = new.pop_front() {
@@ -174,10 +176,10 @@ mod tests {
     fn what_joints_tie_is_found_in_as_many_looks_as_joints_hold_it() {
         let rope = rapier3d::prelude::RopeJointBuilder::new(1.0).build();
         let [base, end] = [1_000_000, 1_000].map(BodyId::persistent);
-        // The far end first, and each link held by a body that is not allowed.
+        // The far end comes first. Each link is also tied to a body that is not allowed.
         let links = (0..1_000).rev().map(BodyId::persistent);
         let ties = links.flat_map(|id| [(id, BodyId::persistent(id.index() + 1)), (base, id)]);
-        // As many that are elsewhere.
+        // As many joints between other bodies.
         let elsewhere = (2_000..4_000).map(|i| (BodyId::persistent(i), BodyId::persistent(i + 1)));
         let joints = (0..).zip(ties.chain(elsewhere));
         let joints = joints.map(|(id, (a, b))| crate::physics::joint_record(JointId(id), a, b, &rope.into()));

@@ -1,5 +1,5 @@
-//! Decides at which tick each predicted body is shown: own avatars and what they touch ahead of the world, all else a moment behind it, and
-//! what changes from the one to the other by and by.
+//! Decides at which tick each predicted body is shown: own avatars and what they touch ahead of the world,
+//! all else a moment behind it. Bodies that change from one to the other do so gradually.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,18 +8,18 @@ use crate::physics::RegionHost;
 use crate::playback::{Melt, Motion, ViewTime};
 use crate::space::{BodyId, Groups};
 
-/// A body is about to be touched from this gap on, metres.
+/// The gap from which on a body is about to be touched, metres.
 const GAP_M: f64 = 0.5;
-/// The same as a time: gaps that are closed within it, seconds.
+/// The time within which a gap that closes counts as well, seconds.
 const SOON_S: f64 = 0.4;
-/// The time in which a body that moves gets from one time to the other, seconds.
+/// The time in which a moving body changes from one of the two ticks to the other, seconds.
 const CHANGE_S: f64 = 1.0;
-/// At which tick a body is shown, and which error of that melts away.
+/// The tick at which a body is shown, and the error that fades out there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
     is_own: bool,
     reach_m: f64,
-    /// 0: a moment behind the world, 1: ahead.
+    /// 0 is a moment behind the world, 1 is ahead of it.
     ahead: f64,
     is_engaged: bool,
     tick: Option<f64>,
@@ -42,7 +42,7 @@ impl Shown {
         self.is_own
     }
 
-    /// Returns whether it is an own avatar, touches one, or soon may.
+    /// Returns whether the body is an own avatar, touches one, or soon may.
     pub(super) fn is_engaged(&self) -> bool {
         self.is_engaged
     }
@@ -51,26 +51,28 @@ impl Shown {
         self.ahead
     }
 
-    /// Returns the tick at which it was shown last.
+    /// Returns the tick at which the body was shown last.
     pub(super) fn tick(&self) -> Option<f64> {
         self.tick
     }
 
-    /// Adds what is left of errors that were shown.
+    /// Adds what is left of an error that was shown to a motion.
     pub(super) fn melt(&self, motion: &mut Motion, tick: f64, dt_s: f64) {
         if let Some(melt) = &self.melt {
             melt.apply(motion, tick, dt_s);
         }
     }
 
-    /// Goes on from what was shown, though it is known otherwise now; returns by how far, metres.
+    /// Goes on from what was shown (`before`), though the body is known to be elsewhere now (`bare`). Returns
+    /// how far apart these are, metres.
     pub(super) fn melt_from(&mut self, before: &Motion, bare: &Motion, tick: f64, dt_s: f64) -> f64 {
         self.melt = Melt::after(self.melt.take(), before, bare, tick, dt_s);
         before.distance_m(bare)
     }
 }
 
-/// Finds what is engaged with own avatars, and moves the time at which bodies are shown: of those that are `still` at once.
+/// Finds which bodies are engaged with own avatars, and moves the tick at which each body is shown: at once
+/// for those that are `still`, gradually for the others.
 pub(super) fn advance(
     near: &mut BTreeMap<BodyId, Near>,
     host: &RegionHost,
@@ -91,7 +93,7 @@ pub(super) fn advance(
     }
 }
 
-/// Returns the bodies that own avatars touch, also by way of others, or soon may.
+/// Returns the bodies that own avatars touch, directly or through others, or soon may touch.
 fn engaged(near: &BTreeMap<BodyId, Near>, host: &RegionHost) -> BTreeSet<BodyId> {
     let newest = |near: &Near| near.states.back().map(|state| (Motion::of(state), near.shown.reach_m));
     let own: Vec<_> = near.values().filter(|near| near.shown.is_own).filter_map(newest).collect();

@@ -30,17 +30,18 @@ const LINK: LinkRecord = LinkRecord {
     motion: None,
 };
 
-/// A world, and a client that hears of it `delay` ticks later, and is heard as much later.
+/// A world, and a client that hears of it `delay` ticks later and is heard as much later.
 struct Game {
     world: RegionHost,
     client: Client,
     predictor: Predictor,
     delay: u64,
-    /// States are told in steps, come up to so many ticks later, and one batch in twenty does not come at all.
+    /// If set: states are rounded to steps, arrive up to so many ticks later, and one batch in twenty is
+    /// lost.
     jitter: Option<u64>,
-    /// Nothing is told.
+    /// Whether nothing is told.
     silent: bool,
-    /// For how many ticks the world has stood still.
+    /// The number of ticks for which the world has stood still.
     stood: f64,
     to_client: VecDeque<(u64, ToClient)>,
     to_world: VecDeque<(u64, Input)>,
@@ -63,7 +64,7 @@ fn cube(half: f32) -> [ColliderBuilder; 1] {
 }
 
 impl Game {
-    /// A floor, an avatar at x = -4 that is a kinematic box, and what `describe` makes.
+    /// Creates a game with a floor, an avatar at x = -4 that is a kinematic box, and what `describe` makes.
     fn of(
         delay: u64,
         describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>),
@@ -133,11 +134,11 @@ impl Game {
         }
     }
 
-    /// Computes a tick of the world, and tells every third.
+    /// Computes a tick of the world, and tells the client of every third.
     fn tick(&mut self) {
         let next = self.world.tick().next();
         while let Some((_, input)) = pop_if(&mut self.to_world, |at| at < next.0) {
-            // As the leader: what was to come after it is older.
+            // As the leader does: inputs of the same slot that name later ticks are older.
             self.waiting.retain(|old| old.slot() != input.slot() || old.tick <= input.tick);
             self.waiting.push(input);
             let early = input.tick.0 as i64 - next.0 as i64;
@@ -145,7 +146,7 @@ impl Game {
         }
         let due: Vec<_> = self.waiting.extract_if(.., |input| input.tick <= next).collect();
         due.iter().for_each(|input| self.world.obey(input));
-        // As the leader, who tells of those that a tick has applied.
+        // As the leader does, which tells of the inputs that a tick has applied.
         let newest = due.iter().map(|input| input.logical_time).max();
         if let Some(newest) = newest {
             self.applied.0 = newest;
@@ -173,13 +174,13 @@ impl Game {
         }
     }
 
-    /// Returns when what is sent now arrives: not before what was sent before it.
+    /// Returns when a message that is sent now arrives: not before those sent earlier.
     fn arrival(&self, now: u64, before: Option<u64>) -> u64 {
         let late = self.jitter.map_or(0, |jitter| now * 7 % 11 * jitter / 10);
         (now + self.delay + late).max(before.unwrap_or(0))
     }
 
-    /// Shows a frame, in which `speed` is asked for if anything is.
+    /// Shows a frame, in which the client asks for `speed`, if for any.
     fn frame(&mut self, speed: Option<f32>) {
         let at = self.world.tick().0;
         let now = Duration::from_secs_f64((at as f64 + self.stood + 0.4) * DT_S);
@@ -225,7 +226,7 @@ impl Game {
         }
     }
 
-    /// Returns how far the avatar was predicted from where it came to be, at worst.
+    /// Returns the largest distance between where the avatar was predicted and where it came to be, metres.
     fn worst_m(&self) -> f64 {
         let off = |(tick, x): (&u64, &f64)| self.truth.get(tick).map(|truth| (truth - x).abs());
         self.predicted.iter().filter_map(off).fold(0.0, f64::max)
@@ -236,7 +237,7 @@ fn pop_if<T>(queue: &mut VecDeque<(u64, T)>, is_due: impl Fn(u64) -> bool) -> Op
     if is_due(queue.front()?.0) { queue.pop_front() } else { None }
 }
 
-/// Rounds a state to the steps in which clients are told.
+/// Rounds a state to the steps in which clients are told states.
 fn round(state: &mut SharedState) {
     let steps = |v: f64, step: f64| (v / step).round() * step;
     state.pose.translation = state.pose.translation.map(|v| steps(v, 1.5e-3));
@@ -256,7 +257,7 @@ fn stack(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     )
 }
 
-/// Steps that a player might make: to and fro, with pauses.
+/// Returns the speed that a player might ask for: to and fro, with pauses.
 fn to_and_fro(i: u64) -> Option<f32> {
     Some([0.0, 2.0, 2.0, -1.0, 1.5][(i / 40) as usize % 5])
 }
@@ -272,13 +273,13 @@ fn an_input_acts_in_its_frame_and_the_world_does_the_same_some_time_later() {
         assert!((shown.velocity.linear[0] - to_and_fro(239).unwrap()).abs() < 1e-3, "{shown:?}");
         assert!(game.time.predicted > game.time.now + delay as f64, "{:?}", game.time);
         assert!(game.predicted.len() > 230 && game.worst_m() < 1e-4, "{} m off", game.worst_m());
-        // Of the stack too: it is computed alike, from states told exactly.
+        // The stack is predicted exactly too: it is computed alike, from states told exactly.
         let prediction = game.predictor.stats();
         assert!(prediction.bodies == 11 && prediction.corrections == 0, "{prediction:?}");
     }
 }
 
-/// At 100 ms each way, and with up to as much jitter.
+/// At 100 ms each way, with up to as much jitter.
 #[test]
 fn a_stack_that_is_pushed_is_predicted_within_centimetres_over_a_bad_network() {
     for jitter in [0, 2, 6] {
@@ -298,7 +299,7 @@ fn a_stack_that_is_pushed_is_predicted_within_centimetres_over_a_bad_network() {
 fn what_does_not_come_as_predicted_is_put_right_and_melts_away() {
     let mut game = Game::of(6, stack);
     game.play(60, |_| Some(0.0));
-    // An input is late by a quarter of a second.
+    // An input arrives a quarter of a second late.
     game.play(1, |_| Some(3.0));
     game.to_world.iter_mut().for_each(|(at, _)| *at += 15);
     let mut last = game.predictor.at(AVATAR, game.time.predicted).unwrap();
@@ -320,7 +321,7 @@ fn what_does_not_come_as_predicted_is_put_right_and_melts_away() {
 fn an_avatar_answers_after_a_silence_in_which_all_rested() {
     let mut game = Game::of(6, |_| (Vec::new(), Vec::new()));
     game.play(1, |_| None);
-    // A body that stands is told of as one that sleeps.
+    // A body that stands is told of as asleep.
     game.to_client.clear();
     let (region, handle) = game.world.owned(AVATAR).unwrap();
     let states = vec![SharedState { sleeping: true, ..region.shared_state(handle) }];
@@ -363,7 +364,7 @@ fn what_is_near_is_predicted_with_what_is_tied_to_it_and_what_is_far_is_not() {
     let ids: Vec<_> = game.predictor.near.keys().copied().collect();
     let chain = (0..30).map(BodyId::persistent);
     assert_eq!(ids, chain.chain([AVATAR]).collect::<Vec<_>>());
-    // It goes away.
+    // The avatar goes away.
     game.play(400, |_| Some(-3.0));
     assert_eq!(game.predictor.near.keys().collect::<Vec<_>>(), [&AVATAR]);
 }

@@ -1,4 +1,5 @@
-//! Says in words what a command of a node does to one body: what acted on it before a replay parted from its recording.
+//! Describes in words what the commands of a node did to one body in the last ticks, to explain where a
+//! replay parts from its recording.
 
 use std::collections::VecDeque;
 
@@ -6,7 +7,7 @@ use crate::cluster::PhysicsCommand;
 use crate::protocol::{Alteration, BorderMessage, WorldOp};
 use crate::space::{BodyId, Tick};
 
-/// Ticks of which commands are kept.
+/// The number of ticks whose commands are kept.
 const TICKS: u64 = 4;
 
 /// The commands of the last ticks.
@@ -28,7 +29,7 @@ impl Acts {
         }
     }
 
-    /// Returns what acted on a body, in order.
+    /// Returns in words what acted on a body, in order.
     pub(super) fn on(&self, body: BodyId) -> Vec<String> {
         let said = |(tick, command): &(Tick, PhysicsCommand)| {
             let words = match command {

@@ -3,43 +3,44 @@
 use super::{BodyBits, FIELDS, RecordingError, Replay};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
-/// The place of a body in one of two recordings.
+/// The place of a body in one of two recordings: its node, if it is on one, and its region.
 type Place = (Option<NodeId>, RegionId);
 
-/// Where two recordings differ first: the body of lowest id after the first tick.
+/// The first difference of two recordings: the body of lowest id that differs after the first tick that
+/// differs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// After which tick.
+    /// The tick after which the recordings differ.
     pub tick: Tick,
-    /// Which body.
+    /// The body that differs.
     pub body: BodyId,
-    /// How many bodies differ then.
+    /// The number of bodies that differ then.
     pub bodies: usize,
-    /// On which node and in which region it is in either; `None` where it is not.
+    /// The node and region of the body in each recording; `None` where the body does not exist.
     pub places: [Option<Place>; 2],
-    /// The first field that differs.
+    /// The name of the first field that differs.
     pub field: Option<&'static str>,
-    /// Its values, in m, m/s or rad/s; positions are relative to the region.
+    /// The values of that field, in m, m/s or rad/s; positions are relative to the region.
     pub values: [Option<f64>; 2],
-    /// What acted on the body in the ticks before, in either.
+    /// What acted on the body in the ticks before, in each recording.
     pub acted: [Vec<String>; 2],
 }
 
-/// Replays two recordings until they differ, or one of them ends, or to a tick; `told` hears of every tick. Returns the last tick that was
-/// compared, too.
+/// Replays two recordings until they differ, one of them ends, or the tick `until` has been compared. Calls
+/// `told` for every tick in which they agree. Returns the last tick that was compared, and the difference.
 pub fn difference(
     [a, b]: [&mut Replay; 2],
     until: Tick,
     mut told: impl FnMut(Tick),
 ) -> Result<(Tick, Option<Difference>), RecordingError> {
-    // Before both have begun there is nothing to compare.
+    // Without a tick in each there is nothing to compare.
     let (Some(one), Some(other)) = (a.next_tick(), b.next_tick()) else { return Ok((Tick(0), None)) };
     let (mut compared, mut tick) = (Tick(0), one.max(other).max(Tick(1)));
     while tick <= until {
         for side in [&mut *a, &mut *b] {
             while side.advance(tick)? {}
         }
-        // One that begins later is waited for; one that has ended stays behind.
+        // A recording that begins later is waited for; one that has ended stays behind.
         let [one, other] = [a.tick(), b.tick()];
         if one.min(other) < tick {
             break;

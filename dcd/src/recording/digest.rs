@@ -1,12 +1,14 @@
-//! Computes the digest of a region: the sum of the hashes of its bodies' states. A sum names the culprit: where a single bit of a single
-//! body is otherwise, the difference of two digests is that of two hashes, and trying all bits of all bodies finds which.
+//! Computes the digest of a region: the sum of the hashes of its bodies' states. A sum identifies the
+//! culprit: if a single bit of a single body differs, the difference of two digests is that of two hashes,
+//! and trying all bits of all bodies finds it.
 
 use crate::space::{BodyId, drawn, mixed};
 
-/// Words of the state of a body.
+/// The number of 32-bit words of a body's state.
 const WORDS: usize = 16;
 
-/// The fields of a body's state, each with the words that hold it: an f64 has two, an f32 the lower one of two, or one.
+/// The fields of a body's state: name, first word, and number of words. An f64 takes two words, an f32 the
+/// lower one of two, or one.
 pub const FIELDS: [(&str, usize, usize); 13] = [
     ("translation.x", 0, 2),
     ("translation.y", 2, 2),
@@ -73,17 +75,18 @@ impl BodyBits {
         [13, 14, 15].map(|at| f32::from_bits(self.0[at]))
     }
 
-    /// Returns the same with one bit of 512 flipped.
+    /// Returns these bits with one of the 512 flipped.
     #[must_use]
     pub fn flipped(mut self, bit: usize) -> Self {
         self.0[bit / 32] ^= 1 << (bit % 32);
         self
     }
 
-    /// Returns the value of a field of [`FIELDS`].
+    /// Returns the value of the field at this index of [`FIELDS`].
     pub fn value(&self, field: usize) -> f64 {
         let (_, at, words) = FIELDS[field];
-        // The upper half of a number in f64 is empty for 0 and for what is too small to matter.
+        // The upper half of an f64 is zero only for 0 and for values too small to matter. A number whose
+        // upper half is zero is read as an f32.
         if words == 2 && self.0[at + 1] != 0 {
             f64::from_bits(self.pair(at))
         } else {
@@ -91,7 +94,7 @@ impl BodyBits {
         }
     }
 
-    /// Returns the first field of [`FIELDS`] in which two states differ.
+    /// Returns the index in [`FIELDS`] of the first field in which two states differ.
     pub fn first_difference(&self, other: &Self) -> Option<usize> {
         FIELDS.iter().position(|&(_, at, words)| self.0[at..at + words] != other.0[at..at + words])
     }
@@ -111,18 +114,19 @@ pub fn digest(bodies: impl IntoIterator<Item = (BodyId, BodyBits)>) -> u64 {
     bodies.into_iter().fold(0, |sum, (id, bits)| sum.wrapping_add(bits.hash(id)))
 }
 
-/// A body that is otherwise than its twin.
+/// A body whose recorded state is not the replayed one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Changed {
-    /// Which.
+    /// The body.
     pub body: BodyId,
-    /// As it was recorded; `None`: it was not there.
+    /// The recorded state; `None` if the body was not there.
     pub recorded: Option<BodyBits>,
-    /// As it was replayed; `None`: it is not there.
+    /// The replayed state; `None` if the body is not there.
     pub replayed: Option<BodyBits>,
 }
 
-/// Returns the one body by which these digests differ, if a single bit of it is otherwise, or a body of the replay was not there.
+/// Returns the one body by which these digests differ, if a single bit of its state differs, or if it exists
+/// in the replay only. `bodies` are those of the replay.
 pub fn find_changed(
     recorded: u64,
     replayed: u64,

@@ -20,7 +20,7 @@ pub(super) struct Entries {
 }
 
 impl Entries {
-    /// Reads the beginning.
+    /// Opens a recording, and reads its beginning.
     pub(super) fn open(from: Box<dyn Read + Send>) -> Result<(Self, Subject), RecordingError> {
         let mut reader = Reader::new(from)?;
         let chunk = reader.next_chunk()?.ok_or(RecordingError::Empty)?;
@@ -54,7 +54,7 @@ impl Entries {
         (digests.tick, self.regions.iter().copied().zip(values).collect())
     }
 
-    /// Returns the time of the last entry, since the recording began.
+    /// Returns the time of the last entry that was read, since the recording began.
     pub(super) fn now(&self) -> Duration {
         self.now
     }

@@ -11,21 +11,21 @@ use crate::cluster::{NodeConfig, Peer};
 use crate::protocol::{Area, FromClient, Message};
 use crate::space::{ClientId, NodeId, RegionId, Tick};
 
-/// The longest entry: one with the longest message.
+/// The encoding of entries. Its limit leaves room for the longest message.
 const CONFIG: Configuration<bincode::config::LittleEndian, bincode::config::Varint, Limit<{ 32 << 20 }>> =
     bincode::config::standard().with_limit::<{ 32 << 20 }>();
 
-/// The first entry: who was recorded, and by what.
+/// The first entry: what was recorded, and by which build and machine.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(super) struct Beginning {
     pub(super) maker: Maker,
     pub(super) subject: Subject,
 }
 
-/// What is recorded.
+/// The kind of process that is recorded.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(super) enum Subject {
-    /// A node; whether its physics is the simulator's.
+    /// A node, and whether its physics is the simulator's.
     Node { seed: NodeSeed, stand_in: bool },
     /// A local world.
     Local,
@@ -58,7 +58,7 @@ impl From<&NodeSeed> for NodeConfig {
     }
 }
 
-/// An entry after the first one: nanoseconds since the one before, and what happened.
+/// An entry after the first one: the nanoseconds since the entry before, and what happened.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(super) struct Entry<W> {
     pub(super) after_ns: u64,
@@ -77,15 +77,17 @@ pub(super) enum NodeEntry<M = Message, C = FromClient> {
     Client(C),
     Leave,
     Timeout,
-    /// The physics had done its work, in this time, and told this load of regions, and these times of theirs
-    /// ([`RegionState::times_ms`](crate::fidelity::RegionState::times_ms)); all else of its answer is computed again.
+    /// The physics had done its work, in this time. Its answer told this load of regions, and these times of
+    /// theirs ([`RegionState::times_ms`](crate::fidelity::RegionState::times_ms)). All else in the answer is
+    /// computed again.
     Answered {
         compute_us: u32,
         step_us: Vec<f64>,
         region_ms: Vec<[f32; 3]>,
     },
     Settled(Digests),
-    /// What another member computes had been computed once more, as far as this run had come; its answer is computed again.
+    /// The run of this number, which computes another member's work once more, had given its next answer. The
+    /// answer is computed again.
     Verified(u64),
 }
 
@@ -93,9 +95,9 @@ pub(super) enum NodeEntry<M = Message, C = FromClient> {
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(super) struct Digests {
     pub(super) tick: Tick,
-    /// Which regions, where they are others than before.
+    /// The regions; `None` if they are the same as before.
     pub(super) regions: Option<Vec<RegionId>>,
-    /// In the order of the regions.
+    /// The digests, in the order of the regions.
     pub(super) digests: Vec<[u8; 8]>,
 }
 
@@ -104,7 +106,7 @@ pub(super) fn put(to: &mut Vec<u8>, entry: &impl Encode) {
     bincode::encode_into_std_write(entry, to, CONFIG).expect("plain values in memory encode");
 }
 
-/// Decodes a value that was recorded in parts, however long it is: who replays a recording trusts it.
+/// Decodes a value that was recorded in parts, however long it is: recordings are trusted.
 pub(super) fn take_whole<T: Decode<()>>(bytes: &[u8]) -> Result<T, RecordingError> {
     let decoded = bincode::decode_from_slice(bytes, bincode::config::standard());
     decoded.map(|(value, _)| value).map_err(|error| RecordingError::Undecodable(error.to_string()))
@@ -124,7 +126,7 @@ mod tests {
 
     #[test]
     fn what_was_recorded_in_parts_is_read_whole_however_long_it_is() {
-        // Short in the file, and more in memory than an entry may take.
+        // Short when encoded, and more in memory than an entry may take.
         let world = vec![0_u64; 5 << 20];
         let mut bytes = Vec::new();
         put(&mut bytes, &world);

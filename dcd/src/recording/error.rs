@@ -7,14 +7,14 @@ pub enum RecordingError {
     /// The file is no recording, by its first bytes.
     #[error("not a recording of dcd: give what `--record`, `World::record_to` or dcd_record wrote")]
     Foreign,
-    /// A recording of another format.
+    /// The recording has another format.
     #[error(
         "the recording has format {theirs}, this dcd reads format {ours}: replay it by the dcd that made it"
     )]
     Format {
-        /// Of the file.
+        /// The format of the file.
         theirs: u32,
-        /// Of this dcd.
+        /// The format of this build of dcd.
         ours: u32,
     },
     /// A checksum does not match.
@@ -23,10 +23,10 @@ pub enum RecordingError {
     /// The checksums match, yet the content is no recording.
     #[error("the recording cannot be read ({0}): it was made by another build of dcd; replay it by that one")]
     Undecodable(String),
-    /// It has no beginning: the process was killed at once.
+    /// The recording has no beginning: the process was killed at once.
     #[error("the recording ends before its world begins: there is nothing to replay")]
     Empty,
-    /// The machine did not ask its physics for what the recording has an answer to.
+    /// The replay did not ask its physics for something that the recording has an answer to.
     #[error(
         "the replay parts from the recording after tick {tick}, outside the physics: the recorded machine took an answer of \
          its physics that this one did not ask for; replay it by the dcd that made it"
@@ -35,18 +35,18 @@ pub enum RecordingError {
         /// The last completed tick.
         tick: u64,
     },
-    /// The physics cannot go on.
+    /// The replay's physics cannot go on.
     #[error("the replay's physics cannot go on: {0}")]
     Physics(String),
-    /// One of several recordings that are replayed together.
+    /// One of several recordings that are replayed together has an error.
     #[error("{name}: {error}")]
     Of {
-        /// Which.
+        /// The name of the recording.
         name: String,
-        /// What is wrong with it.
+        /// The error of that recording.
         error: Box<RecordingError>,
     },
-    /// A kind of recording that cannot be replayed so.
+    /// The recording is of a kind that cannot be used in this way.
     #[error("{0}")]
     Unsuitable(String),
     /// The file cannot be read or written.

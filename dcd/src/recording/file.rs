@@ -1,9 +1,14 @@
-//! Writes and reads chunks of bytes, each with a hash chained to the one before, and hands them to a thread that writes a file, so that
-//! a slow disk holds nobody up.
+//! Writes and reads chunks of bytes, each with a hash chained to the chunk before, and hands them to a thread
+//! that writes a file, so that a slow disk delays nobody.
 //!
-//! A file: magic, format (u32, little endian), chunks. A chunk: its length (u32), the first 4 bytes of BLAKE3 of the hash before and the
-//! length, the first 8 bytes of BLAKE3 of the hash before, the length and the bytes; the bytes. An empty chunk ends the recording: one
-//! without it was cut off.
+//! A file consists of a magic number, the format (u32, little endian), and chunks. A chunk consists of:
+//!
+//! - its length (u32),
+//! - the first 4 bytes of BLAKE3 of the hash before and the length,
+//! - its hash: the first 8 bytes of BLAKE3 of the hash before, the length and the bytes,
+//! - the bytes.
+//!
+//! An empty chunk ends the recording. A recording without it was cut off.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -15,24 +20,25 @@ use std::time::Duration;
 
 use super::RecordingError;
 
-/// Grows with every change of what is recorded. That of messages is counted by the protocol's version, which the maker names.
+/// The format, which grows with every change of what is recorded. Changes of messages count in the protocol's
+/// version, which the maker names.
 const FORMAT: u32 = 15;
 const MAGIC: [u8; 8] = *b"\x89dcdrec\n";
-/// The most bytes of a chunk: an entry is never divided, and a message has 16 MiB at most.
+/// The most bytes of a chunk: an entry is never divided, and a message has at most 16 MiB.
 const MOST: usize = 40 << 20;
-/// Bytes that may wait for the disk.
+/// The most bytes that may wait for the disk.
 const WAITING: usize = 64 << 20;
-/// A disk that takes no chunk for so long hangs.
+/// The time without a chunk taken after which a disk hangs.
 const HANGS: Duration = Duration::from_secs(30);
 
 type Hash = [u8; 8];
 
-/// Writes the beginning of a file.
+/// Writes the head of a file: magic number and format.
 pub(super) fn begin(to: &mut impl Write) -> io::Result<()> {
     to.write_all(&[&MAGIC[..], &FORMAT.to_le_bytes()].concat())
 }
 
-/// Writes a chunk by one call, the last one empty; returns the hash that the next one is chained to.
+/// Writes a chunk by one call, and returns the hash that the next one is chained to. The last chunk is empty.
 pub(super) fn write_chunk(to: &mut impl Write, before: Hash, bytes: &[u8]) -> io::Result<Hash> {
     if bytes.len() > MOST {
         return Err(io::Error::other("an entry has more than 40 MiB"));
@@ -51,7 +57,7 @@ fn chained(before: Hash, length: [u8; 4], bytes: &[u8]) -> Hash {
     hash
 }
 
-/// Reads the chunks of a recording, up to its end or to where it was cut off.
+/// A reader of the chunks of a recording, up to its end or to where it was cut off.
 pub struct Reader<R> {
     from: R,
     before: Hash,
@@ -62,14 +68,14 @@ pub struct Reader<R> {
 }
 
 impl Reader<io::BufReader<File>> {
-    /// Opens a file.
+    /// Opens the file of a recording.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         Self::new(io::BufReader::with_capacity(1 << 18, File::open(path)?))
     }
 }
 
 impl<R: Read> Reader<R> {
-    /// Reads the beginning.
+    /// Reads the head of a recording, and checks it.
     pub fn new(mut from: R) -> Result<Self, RecordingError> {
         const HEAD: usize = MAGIC.len() + size_of::<u32>();
         let head = read_up_to(&mut from, HEAD)?;
@@ -124,26 +130,29 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// Reads so many bytes, or as many as there are.
+/// Reads so many bytes, or fewer where the input ends.
 fn read_up_to(from: &mut impl Read, count: usize) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     from.take(count as u64).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than
-/// 64 MiB wait for it: then nobody waits for the disk any more, and what waits is dropped. [`Write::flush`] waits until all is written,
-/// as long as the disk takes anything, and closes the file.
+/// A file that a thread of its own writes.
+///
+/// [`Write::write`] takes all bytes. It fails when the disk has failed, or when more than 64 MiB wait for the
+/// disk: then nobody waits for the disk any more, and what waits is dropped. [`Write::flush`] waits until all
+/// is written, as long as the disk takes anything, and closes the file.
 pub struct Background {
     chunks: Option<Sender<Vec<u8>>>,
     waiting: Arc<AtomicUsize>,
     is_given_up: Arc<AtomicBool>,
-    /// Says how it ended, once.
+    /// Tells once how the writing ended.
     done: Option<Mutex<Receiver<io::Result<()>>>>,
 }
 
 impl Background {
-    /// Checks that a file can be written, and leaves it as it is: one with something in it is no other's to empty.
+    /// Checks that a file can be written. Creates it if there is none, and fails if it is not empty: it may
+    /// be a recording that somebody needs.
     pub fn check(path: &Path) -> io::Result<()> {
         let file = OpenOptions::new().append(true).create(true).open(path)?;
         match file.metadata()?.len() {
@@ -190,7 +199,7 @@ impl Background {
         self.end_within(HANGS)
     }
 
-    /// Closes the file; gives up a disk that has taken nothing for this long.
+    /// Closes the file. Gives up a disk that has taken nothing for this long.
     fn end_within(&mut self, patience: Duration) -> io::Result<()> {
         self.chunks = None;
         let Some(done) = self.done.take() else { return Ok(()) };
@@ -215,7 +224,7 @@ impl Write for Background {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let before = self.waiting.fetch_add(bytes.len(), Ordering::Relaxed);
         if before > WAITING {
-            // The thread may hang in the disk for as long as it likes: who is recorded does not wait for that.
+            // The thread may hang in the disk for any time: the recorded process does not wait for it.
             self.is_given_up.store(true, Ordering::Relaxed);
             (self.chunks, self.done) = (None, None);
             return Err(io::Error::other("more than 64 MiB wait for the disk: record to a faster one"));
@@ -224,7 +233,7 @@ impl Write for Background {
             Some(chunks) => chunks.send(bytes.to_vec()).is_err(),
             None => true,
         };
-        // The thread ends early for one reason.
+        // The thread ends early only when writing has failed.
         if gone { self.end().and(Err(io::Error::other("the file is closed"))) } else { Ok(bytes.len()) }
     }
 
@@ -249,7 +258,7 @@ mod tests {
 
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// A disk that takes a chunk each time that it is told to.
+    /// A disk that takes a chunk each time it is told to.
     struct Slow {
         begun: Sender<usize>,
         told: mpsc::Receiver<()>,

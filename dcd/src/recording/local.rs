@@ -14,40 +14,40 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, JointId, RegionId, Tick, Viewpoint};
 
-/// Ticks of which operations are kept.
+/// The number of ticks whose operations are kept.
 const TICKS: u64 = 4;
 
-/// An operation of a program on its local world. What a program's own code changed of a Rapier value is recorded by its effect: the
-/// value as it was afterwards, in every copy, in Rapier's serde form.
+/// An operation of a program on its local world. What the program's own code changed of a Rapier value is
+/// recorded by its effect: every copy of the value as it was afterwards, in Rapier's serde form.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Operation {
     /// A part of a snapshot.
     Seed(Vec<u8>),
-    /// The world is as in the snapshot of which the parts came before.
+    /// The world is restored from the snapshot whose parts came before.
     Restore,
-    /// Bodies come.
+    /// Bodies are inserted.
     Insert {
-        /// Which.
+        /// The bodies.
         bodies: Vec<BodyRecord>,
-        /// Their shapes, as far as they are new.
+        /// Their shapes, as far as these are new.
         shapes: Vec<ShapeRecord>,
     },
-    /// A body goes.
+    /// A body is removed.
     Remove(BodyId),
-    /// A joint comes.
+    /// A joint is inserted.
     InsertJoint(Box<JointRecord>),
-    /// A joint goes.
+    /// A joint is removed.
     RemoveJoint(JointId),
     /// A body was changed.
     Update {
-        /// Which.
+        /// The body.
         body: BodyId,
         /// Its copies in the order in which they were changed.
         copies: Vec<Vec<u8>>,
     },
     /// A joint was changed.
     UpdateJoint {
-        /// Which.
+        /// The joint.
         joint: JointId,
         /// Its copies in the order in which they were changed.
         copies: Vec<Vec<u8>>,
@@ -60,20 +60,21 @@ pub enum Operation {
     SetNextPose(BodyId, WorldPose),
     /// A body gets a velocity.
     SetVelocity(BodyId, Velocity),
-    /// A vehicle's driver does something else.
+    /// A vehicle is driven differently.
     Drive(BodyId, Drive),
-    /// A plane of the partition moves, to so many metres.
+    /// A plane of the partition moves to this coordinate, metres.
     MovePlane(RegionId, f64),
-    /// The world is looked at from elsewhere.
+    /// The world is looked at from these viewpoints.
     Look(Vec<Viewpoint>),
-    /// The program's contact hooks answer otherwise than if there were none, in the step that follows.
+    /// In the step that follows, the program's contact hooks give these answers, which differ from those
+    /// without hooks.
     Answers(Vec<(HookCall, HookAnswer)>),
-    /// In the step that follows, and on, regions are computed at this pace: a world with a time budget.
+    /// From the step that follows on, regions are computed at these paces: in a world with a time budget.
     Paces(BTreeMap<RegionId, Pace>),
 }
 
 impl Operation {
-    /// Says what the operation does to a body, if it concerns it.
+    /// Returns in words what the operation does to a body, if it concerns the body.
     fn on(&self, id: BodyId) -> Option<String> {
         let (concerns, words) = match self {
             Self::Insert { bodies, .. } => {
@@ -112,13 +113,14 @@ pub(super) enum LocalEntry {
     Stepped(Digests),
 }
 
-/// A local world that a replay repeats operations on.
+/// A local world on which a replay repeats operations.
 pub trait LocalPhysics: Readout {
-    /// Repeats an operation; [`Operation::Seed`] and [`Operation::Restore`] come as [`LocalPhysics::restore`].
+    /// Repeats an operation. Instead of [`Operation::Seed`] and [`Operation::Restore`], a replay calls
+    /// [`LocalPhysics::restore`].
     fn repeat(&mut self, operation: Operation) -> Result<(), String>;
-    /// Becomes the world of a snapshot.
+    /// Restores the world from a snapshot.
     fn restore(&mut self, snapshot: &[u8]) -> Result<(), String>;
-    /// Steps the world; returns the tick that is done.
+    /// Steps the world, and returns the tick that it has completed.
     fn step(&mut self) -> Result<Tick, String>;
 }
 

@@ -6,27 +6,28 @@ use bincode::{Decode, Encode};
 
 use crate::protocol::VERSION;
 
-/// The build and the machine that made a recording: what must be alike for equal bits.
+/// The build and the machine that made a recording. They must be alike for equal bits.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Maker {
-    /// Version of dcd.
+    /// The version of dcd.
     pub dcd: String,
-    /// The commit that dcd was built from: what `DCD_COMMIT` was when it was compiled; empty if nothing.
+    /// The commit that dcd was built from: the value of `DCD_COMMIT` when it was compiled; empty if there was
+    /// none.
     pub commit: String,
-    /// Version of Rapier.
+    /// The version of Rapier.
     pub rapier: String,
-    /// Version of the protocol: the form of messages.
+    /// The version of the protocol, and so of the form of messages.
     pub protocol: u32,
-    /// Features that change what is computed.
+    /// The features that change what is computed.
     pub features: Vec<String>,
-    /// Architecture and operating system.
+    /// The architecture and the operating system.
     pub platform: String,
-    /// The processor's name, where the system says it.
+    /// The processor's name, where the system tells it.
     pub cpu: String,
 }
 
 impl Maker {
-    /// Returns this build on this machine.
+    /// Returns the description of this build on this machine.
     pub fn here() -> Self {
         let mut features = Vec::new();
         if cfg!(feature = "enhanced-determinism") {
@@ -34,7 +35,7 @@ impl Maker {
         }
         Self {
             dcd: env!("CARGO_PKG_VERSION").to_owned(),
-            // No build script asks git: it would compile dcd anew after each commit, or name an older one.
+            // No build script asks git: that would compile dcd anew after each commit, or name an older one.
             commit: option_env!("DCD_COMMIT").unwrap_or_default().to_owned(),
             rapier: rapier(),
             protocol: VERSION,
@@ -44,10 +45,11 @@ impl Maker {
         }
     }
 
-    /// Returns how this maker differs from another, as far as bits may depend on it; `None` if it does not.
+    /// Returns in words how this maker differs from another, as far as bits may depend on it; `None` if it
+    /// does not.
     pub fn unlike(&self, other: &Self) -> Option<String> {
         let mut alike = other.clone();
-        // What one of them does not know is no difference.
+        // A commit that one of them does not know is no difference.
         if self.commit.is_empty() || other.commit.is_empty() {
             alike.commit.clone_from(&self.commit);
         }

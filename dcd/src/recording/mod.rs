@@ -1,8 +1,10 @@
-//! Records what a process was given and computes it again from that, bit for bit, to see what happened and where two runs part.
+//! Records what a process was given, and computes it again from that, bit for bit, to see what happened and
+//! where two runs part.
 //!
-//! State machines and physics have no clock and no randomness of their own: a recording holds all that went into them, with its time,
-//! and a digest of every region after every tick (`digest`). A replay gives the same to machines of its own and compares the digests.
-//! The file is a row of chunks with checksums (`file`): what a crash cuts off is missing at the end, and nowhere else.
+//! State machines and physics have no clock and no randomness of their own. A recording holds everything that
+//! went into them, with its time, and a digest of every region after every tick (`digest`). A replay gives
+//! the same to machines of its own and compares the digests. The file is a row of chunks with checksums
+//! (`file`): a crash cuts off its end, and damages nothing else.
 
 mod acts;
 mod diff;

@@ -15,11 +15,11 @@ pub(super) struct NodeReplay {
     entries: Entries,
     node: Node,
     physics: Box<dyn Physics>,
-    /// Answers that the machine was not given yet.
+    /// Answers of the physics that the machine was not given yet.
     answers: VecDeque<PhysicsEvent>,
-    /// The same of what other members compute, by run.
+    /// The same for what is computed once more of other members, by the number of the run.
     verified: BTreeMap<u64, VecDeque<PhysicsEvent>>,
-    /// What was computed and not compared yet.
+    /// The digests of completed ticks that were not compared yet.
     computed: VecDeque<(Tick, Vec<(RegionId, u64)>)>,
     disturbance: Disturbance,
     acts: Acts,
@@ -43,7 +43,7 @@ impl NodeReplay {
         RecordingError::Astray { tick: self.node.tick().0 }
     }
 
-    /// Returns the next answer of the physics, with the times that were recorded.
+    /// Returns the next answer of the physics, with the recorded times in it.
     fn answer(
         &mut self,
         compute_us: u32,

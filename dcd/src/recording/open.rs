@@ -11,17 +11,18 @@ use super::{LocalPhysics, Physics, RecordingError, Replayed};
 use crate::cluster::CanBuild;
 use crate::space::Tick;
 
-/// What computes the physics of replays.
+/// The maker of the physics that replays compute with.
 pub trait Computers {
-    /// Returns the physics of a node; `None` if it was the simulator's (`stand_in`) and there is none here.
+    /// Returns the physics of a node; `None` if the node's was the simulator's (`stand_in`) and there is none
+    /// here.
     fn node(&self, stand_in: bool) -> Option<Box<dyn Physics>>;
-    /// Returns which shapes a server takes for such that can be built.
+    /// Returns how a server tells which shapes can be built; `None` if servers cannot be replayed here.
     fn can_build(&self) -> Option<CanBuild>;
-    /// Returns a local world.
+    /// Returns a local world; `None` if local worlds cannot be replayed here.
     fn local(&self) -> Option<Box<dyn LocalPhysics>>;
 }
 
-/// Begins the replay of a recording.
+/// Opens a recording, and begins its replay.
 pub fn open(
     from: impl Read + Send + 'static,
     computers: &impl Computers,

@@ -1,4 +1,5 @@
-//! Defines what a recording needs of physics: to be read bit by bit, disturbed on purpose, and commanded.
+//! Defines what a recording needs of physics: that it can be read bit by bit, disturbed on purpose, and
+//! commanded.
 
 use std::any::Any;
 
@@ -6,13 +7,13 @@ use super::{BodyBits, digest};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
 use crate::space::{BodyId, RegionId};
 
-/// Regions that can be read bit by bit. What computes them is known to those who made it.
+/// Regions that can be read bit by bit. Those who made the value know its type, and can downcast to it.
 pub trait Readout: Any {
     /// Returns the regions that are computed.
     fn regions(&self) -> Vec<RegionId>;
     /// Returns the bodies that a region owns, in any order.
     fn bodies(&self, region: RegionId) -> Box<dyn Iterator<Item = (BodyId, BodyBits)> + '_>;
-    /// Sets the state of an owned body, whatever follows from it; returns whether there is such a body.
+    /// Sets the state of an owned body, whatever follows from it. Returns whether the body is owned here.
     fn set(&mut self, body: BodyId, bits: &BodyBits) -> bool;
     /// Returns the bodies that a body touches, in id order.
     fn touching(&self, body: BodyId) -> Vec<BodyId>;
@@ -20,7 +21,7 @@ pub trait Readout: Any {
 
 /// The physics of a node: the real one, or the simulator's stand-in.
 pub trait Physics: Readout {
-    /// Carries out a command; `None` for those without an answer.
+    /// Carries out a command, and returns its answer; `None` for commands that have none.
     fn execute(&mut self, command: PhysicsCommand) -> Result<Option<PhysicsEvent>, String>;
 }
 

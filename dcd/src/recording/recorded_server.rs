@@ -8,7 +8,8 @@ use super::{Recorder, Sent};
 use crate::cluster::{RestoreError, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput};
 use crate::space::Tick;
 
-/// A server's state machine, recorded if it is to be. It is read as it is, and changed by what is recorded.
+/// A server's state machine, with a recorder if it is recorded. It dereferences to the server for reading.
+/// Changes go through its methods, which record them.
 #[derive(Debug)]
 pub struct RecordedServer {
     server: Server,
@@ -40,7 +41,7 @@ impl Deref for RecordedServer {
 }
 
 impl RecordedServer {
-    /// Begins a server; `recorder` has the same configuration and origin.
+    /// Begins a server. `recorder` was begun with the same configuration and origin.
     pub fn begin(
         config: ServerConfig,
         origin: ServerOrigin,
@@ -52,7 +53,7 @@ impl RecordedServer {
         Ok(Self { server, recording })
     }
 
-    /// Takes an event in.
+    /// Takes in an event.
     pub fn handle(&mut self, now: Duration, event: ServerEvent) {
         if let Some(recording) = &mut self.recording {
             recording.now = now;
@@ -61,7 +62,7 @@ impl RecordedServer {
         self.server.handle(now, event);
     }
 
-    /// Does what is due.
+    /// Does what is due at this time.
     pub fn handle_timeout(&mut self, now: Duration) {
         if let Some(recording) = &mut self.recording {
             recording.now = now;
@@ -70,7 +71,7 @@ impl RecordedServer {
         self.server.handle_timeout(now);
     }
 
-    /// Returns the next output, until there is none.
+    /// Returns the next output; `None` if there is none.
     pub fn poll_output(&mut self) -> Option<ServerOutput> {
         let output = self.server.poll_output();
         if let Some(recording) = &mut self.recording {
@@ -83,10 +84,10 @@ impl RecordedServer {
         output
     }
 
-    /// Ends the recording; returns what of it could not be written.
+    /// Ends the recording. Returns an error if any of it could not be written.
     pub fn finish(&mut self) -> io::Result<()> {
         let Some(mut recording) = self.recording.take() else { return Ok(()) };
-        // What nobody takes any more was not sent.
+        // A replay also takes the outputs that nobody takes any more here.
         while let Some(output) = self.server.poll_output() {
             recording.sent.add(&output);
         }

@@ -1,4 +1,4 @@
-//! Records what a process is given: packs entries into chunks, and ends the recording where it cannot be written.
+//! Records what a process is given: packs entries into chunks, and ends the recording when writing fails.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -17,14 +17,15 @@ use crate::fidelity::RegionState;
 use crate::protocol::{FromClient, Message};
 use crate::space::{RegionId, Tick};
 
-/// A chunk is written when it has so many bytes,
+/// The size from which on a chunk is written, bytes.
 const CHUNK: usize = 64 << 10;
-/// or when a tick ends and the last one was written so long ago: what a killed process loses of its recording.
+/// The time since the last chunk after which the end of a tick writes the next. This is what a killed process
+/// loses of its recording.
 const FLUSH: Duration = Duration::from_millis(100);
-/// Bytes of each part of what may not fit an entry.
+/// The size of each part of a value that may not fit an entry, bytes.
 const PART: usize = 1 << 20;
 
-/// Records a process.
+/// The recorder of one process.
 pub struct Recorder {
     /// `None` once it has failed or ended.
     out: Option<Out>,
@@ -54,7 +55,7 @@ impl std::fmt::Debug for Recorder {
 }
 
 impl Recorder {
-    /// Begins the recording of a node; `stand_in`: whether its physics is the simulator's.
+    /// Begins the recording of a node. `stand_in` is whether its physics is the simulator's.
     pub fn of_node(
         to: impl Write + Send + Sync + 'static,
         config: &NodeConfig,
@@ -81,7 +82,7 @@ impl Recorder {
         Self::begin(Out::to(to)?, Subject::Local)
     }
 
-    /// Begins a recording of the last so many seconds of a local world, in memory.
+    /// Begins a recording in memory of at least the last `time` of a local world.
     pub fn of_local_for(time: Duration) -> Self {
         Self::begin(Out::Ring(Ring::new(time)), Subject::Local).expect("memory can be written")
     }
@@ -165,7 +166,7 @@ impl Recorder {
         self.flush_if_due();
     }
 
-    /// Records what may not fit an entry, in parts.
+    /// Records a value that may not fit an entry, in parts.
     fn put_parts(&mut self, value: &impl Encode) {
         let mut bytes = Vec::new();
         put(&mut bytes, value);
@@ -186,7 +187,7 @@ impl Recorder {
         self.flush_if_due();
     }
 
-    /// Returns the entry of these digests.
+    /// Returns the entry of these digests. It names their regions if these differ from those before.
     fn digests(&mut self, tick: Tick, digests: &[(RegionId, u64)]) -> Digests {
         let same = digests.iter().map(|(region, _)| region).eq(&self.regions);
         if !same {
@@ -196,7 +197,7 @@ impl Recorder {
         Digests { tick, regions, digests: digests.iter().map(|(_, digest)| digest.to_le_bytes()).collect() }
     }
 
-    /// Says that what follows can be replayed without what was before; the next digests name their regions.
+    /// Begins a segment, which can be replayed without what was before. The next digests name their regions.
     pub fn begin_segment(&mut self) {
         self.flush();
         self.regions.clear();
@@ -210,7 +211,7 @@ impl Recorder {
         matches!(&self.out, Some(Out::Ring(ring)) if ring.wants_segment(self.now))
     }
 
-    /// Writes what is kept of the last seconds.
+    /// Writes what is kept in memory of the last seconds. Fails if the recording goes to a file.
     pub fn keep(&mut self, to: &mut impl Write) -> Result<(), RecordingError> {
         self.flush();
         match &self.out {
@@ -222,7 +223,7 @@ impl Recorder {
         }
     }
 
-    /// Writes what is not written yet, if the last time is some while ago.
+    /// Writes what is not written yet, if the last write is [`FLUSH`] ago.
     fn flush_if_due(&mut self) {
         if self.now.saturating_sub(self.flushed) >= FLUSH {
             self.flush();
@@ -259,12 +260,13 @@ impl Recorder {
         (self.out, self.failure) = (None, Some(error));
     }
 
-    /// Returns whether nothing is recorded any more, as something could not be written.
+    /// Returns whether nothing is recorded any more because something could not be written.
     pub fn has_failed(&self) -> bool {
         self.failure.is_some()
     }
 
-    /// Writes what is not written yet and the end, and waits for the disk; returns what went wrong at any time.
+    /// Writes what is not written yet and the end, and waits for the disk. Returns what went wrong at any
+    /// time.
     pub fn finish(mut self) -> io::Result<()> {
         self.end()
     }
@@ -299,11 +301,11 @@ impl Drop for Recorder {
     }
 }
 
-/// Returns what cannot be computed again of an answer: how long it took.
+/// Returns the entry of an answer: what cannot be computed again, which is how long it took.
 fn answered<M, C>(event: &PhysicsEvent) -> NodeEntry<M, C> {
     let (mut compute_us, mut step_us, mut region_ms) = (0, Vec::new(), Vec::new());
     match event {
-        // By a thread of its own, so that its answers come in between.
+        // Another thread computes it, so that its answers come between the others.
         PhysicsEvent::Verified { run, .. } => return NodeEntry::Verified(*run),
         PhysicsEvent::Settled { stats, load, regions, .. } => {
             compute_us = stats.compute_us;

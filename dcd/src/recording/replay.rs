@@ -6,22 +6,22 @@ use super::replayed::{Flip, Replayed, Settled, Who};
 use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
-/// Where a replay parts from its recording. What a digest cannot tell is `None`.
+/// The point at which a replay parts from its recording. What a digest cannot tell is `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Whose replay.
+    /// The process whose replay parts.
     pub who: Who,
-    /// After which tick.
+    /// The tick after which it parts.
     pub tick: Tick,
-    /// In which region; `None`: other regions were computed, or a server sent or stored something else.
+    /// The region; `None` if other regions were computed, or a server sent or stored something else.
     pub region: Option<RegionId>,
-    /// Which body.
+    /// The body.
     pub body: Option<BodyId>,
-    /// Which field of its state.
+    /// The name of the field of the body's state.
     pub field: Option<&'static str>,
-    /// As recorded, in m, m/s or rad/s; `None`: the body was not there.
+    /// The recorded value of the field, in m, m/s or rad/s; `None` if the body was not there.
     pub recorded: Option<f64>,
-    /// As replayed.
+    /// The replayed value of the field.
     pub replayed: Option<f64>,
     /// What acted on the body in the ticks before, and what it touches.
     pub acted: Vec<String>,
@@ -36,10 +36,11 @@ pub struct Replay {
 }
 
 struct Member {
-    /// Of its recording.
+    /// The name of its recording.
     name: String,
     replay: Box<dyn Replayed>,
-    /// The first tick that it computes, which no other tick of it has come before: one that joined late has nothing to show until then.
+    /// The first tick that it completes, until the replay gets there: a member that joined late has nothing
+    /// to show until then.
     first: Option<Settled>,
     tick: Tick,
     ended: bool,
@@ -58,28 +59,28 @@ impl Member {
         self.replay.advance().map_err(of)
     }
 
-    /// Returns which tick it completes next, as far as that is known.
+    /// Returns the tick that the member completes next, as far as that is known.
     fn next_tick(&self) -> Tick {
         self.first.as_ref().map_or(self.tick.next(), |first| first.tick)
     }
 }
 
 impl Replay {
-    /// Begins the replay of these members, each by the name of its recording. A node that was started again is several, of which the last
-    /// counts.
+    /// Begins the replay of these members, each with the name of its recording. A node that was started again
+    /// is several members, of which the last counts.
     pub fn new(members: Vec<(String, Box<dyn Replayed>)>) -> Result<Self, RecordingError> {
         let mut members = members.into_iter().map(Member::begin).collect::<Result<Vec<_>, _>>()?;
         members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
         Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
     }
 
-    /// Returns which tick comes next; `None` at the end.
+    /// Returns the next tick to complete; `None` at the end.
     pub fn next_tick(&self) -> Option<Tick> {
         self.members.iter().filter(|member| !member.ended).map(Member::next_tick).min()
     }
 
-    /// Completes the next tick of the member that is furthest back, if it is at most `until`; `false` when all have come to their ends, or
-    /// that far.
+    /// Completes the next tick of the member that is furthest behind, if that tick is at most `until`.
+    /// Returns `false` when every member has ended or come that far.
     pub fn advance(&mut self, until: Tick) -> Result<bool, RecordingError> {
         let behind = self.members.iter_mut().filter(|member| !member.ended && member.next_tick() <= until);
         let Some(member) = behind.min_by_key(|member| (member.next_tick(), member.replay.who())) else {
@@ -109,13 +110,15 @@ impl Replay {
         self.ticks
     }
 
-    /// Returns the tick that all members have completed which compute on; where none does, the last of all.
+    /// Returns the newest tick that all running members have completed: those that have begun and not ended.
+    /// If none runs, returns the newest tick of all members.
     pub fn tick(&self) -> Tick {
         let going = self.members.iter().filter(|member| !member.ended && member.first.is_none());
         going.map(|member| member.tick).min().unwrap_or(Tick(self.ticks))
     }
 
-    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later, or have begun anew.
+    /// Returns the members that are at that tick, or a tick ahead. Members that died before, come later, or
+    /// have begun anew as another member are left out.
     fn present(&self) -> impl Iterator<Item = &Member> {
         let tick = self.tick();
         let is_present =
@@ -131,32 +134,32 @@ impl Replay {
         present.map(|(_, member)| member)
     }
 
-    /// Returns these members: each computes its part of the world as it is then.
+    /// Returns the members that compute a part of the world at that tick.
     pub fn present_members(&self) -> impl Iterator<Item = &dyn Replayed> {
         self.present().map(|member| &*member.replay)
     }
 
-    /// Returns how many digests were as recorded.
+    /// Returns the number of digests that were as recorded.
     pub fn matches(&self) -> u64 {
         self.matches
     }
 
-    /// Returns where it first parted from the recording.
+    /// Returns where the replay first parted from the recording, if it did.
     pub fn mismatch(&self) -> Option<&Mismatch> {
         self.mismatch.as_ref()
     }
 
-    /// Returns the members.
+    /// Returns all members.
     pub fn members(&self) -> impl Iterator<Item = &dyn Replayed> {
         self.members.iter().map(|member| &*member.replay)
     }
 
-    /// Disturbs whoever owns the body after that tick.
+    /// Flips a bit of the body on the member that owns it after that tick.
     pub fn flip(&mut self, flip: Flip) {
         self.members.iter_mut().for_each(|member| member.replay.flip(flip));
     }
 
-    /// Returns where each body is: on which node, in which region, and its state.
+    /// Returns the node, the region and the state of each body.
     pub fn bodies(&self) -> BTreeMap<BodyId, (Option<NodeId>, RegionId, BodyBits)> {
         let mut found = BTreeMap::new();
         let mut present: Vec<_> = self.present().collect();
@@ -171,13 +174,13 @@ impl Replay {
         found
     }
 
-    /// Returns what acted on a body in the last ticks, wherever it is held.
+    /// Returns in words what acted on a body in the last ticks, on every present member.
     pub fn acted_on(&self, body: BodyId) -> Vec<String> {
         self.present().flat_map(|member| acts(&*member.replay, body)).collect()
     }
 }
 
-/// Returns what acted on a body in the last ticks of one process, and what it touches there.
+/// Returns in words what acted on a body in the last ticks of one process, and what it touches there.
 fn acts(replay: &dyn Replayed, body: BodyId) -> Vec<String> {
     let touching = replay.readout().touching(body).into_iter().map(|other| format!("touches {other}"));
     replay.acted_on(body).into_iter().chain(touching).collect()

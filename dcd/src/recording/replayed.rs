@@ -1,4 +1,4 @@
-//! Defines what the replay of one process can do, whatever it was.
+//! Defines the replay of one process, be it a local world, a node or a server.
 
 use std::fmt;
 
@@ -6,29 +6,29 @@ use super::physics::bits_of;
 use super::{Maker, Readout, RecordingError};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
-/// A tick that a process has completed, in the recording and again.
+/// A tick that a process has completed, in the recording and in its replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     /// The tick; a view change repeats the last one.
     pub tick: Tick,
-    /// The digests of its regions then.
+    /// The recorded digests of the process's regions after that tick.
     pub recorded: Vec<(RegionId, u64)>,
-    /// The same, replayed.
+    /// The replayed digests.
     pub replayed: Vec<(RegionId, u64)>,
 }
 
-/// A change of a replay on purpose: of the state of a body after a tick.
+/// A deliberate change of a replay: one bit of the state of a body after a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// After which tick.
+    /// The tick after which the bit is flipped.
     pub tick: Tick,
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of the 512 bits of its state.
+    /// The index of the bit, of the 512 of the body's state.
     pub bit: usize,
 }
 
-/// Who was recorded.
+/// The process that was recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Who {
     /// A local world.
@@ -40,7 +40,7 @@ pub enum Who {
 }
 
 impl Who {
-    /// Returns which node it is, if it is one.
+    /// Returns the id of the node, if it is one.
     pub fn node(self) -> Option<NodeId> {
         if let Self::Node(node) = self { Some(node) } else { None }
     }
@@ -58,25 +58,25 @@ impl fmt::Display for Who {
 
 /// The replay of one process.
 pub trait Replayed {
-    /// Returns who it is.
+    /// Returns which process this is.
     fn who(&self) -> Who;
-    /// Returns who made the recording.
+    /// Returns the build and machine that made the recording.
     fn maker(&self) -> &Maker;
-    /// Returns whether the file has no end, as that of a killed process.
+    /// Returns whether the file has no end, as when the process was killed.
     fn was_cut_off(&self) -> bool;
-    /// Returns its regions as they are now.
+    /// Returns the process's regions as they are now.
     fn readout(&self) -> &dyn Readout;
-    /// Disturbs the replay.
+    /// Sets the flip to be made.
     fn flip(&mut self, flip: Flip);
     /// Returns whether the flip has been made.
     fn has_flipped(&self) -> bool;
-    /// Returns what acted on a body in the last ticks.
+    /// Returns in words what acted on a body in the last ticks.
     fn acted_on(&self, body: BodyId) -> Vec<String>;
-    /// Goes on to the end of a tick; `None` at the end of the recording.
+    /// Goes on to the end of the next tick; returns `None` at the end of the recording.
     fn advance(&mut self) -> Result<Option<Settled>, RecordingError>;
 }
 
-/// A flip that is to be made, or has been.
+/// A flip to be made, and whether it has been made.
 #[derive(Debug, Default)]
 pub(super) struct Disturbance {
     flip: Option<Flip>,
@@ -92,7 +92,7 @@ impl Disturbance {
         self.done
     }
 
-    /// Makes the flip after its tick, once, if the body is owned there and has that bit.
+    /// Makes the flip after its tick, once, if the body is owned here and has that bit.
     pub(super) fn happen(&mut self, tick: Tick, regions: &mut (impl Readout + ?Sized)) {
         let Some(Flip { body, bit, .. }) = self.flip.filter(|flip| flip.tick == tick && !self.done) else {
             return;

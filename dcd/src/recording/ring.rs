@@ -1,4 +1,4 @@
-//! Keeps the last seconds of a recording in memory, in segments that begin with a snapshot each.
+//! Keeps the last seconds of a recording in memory, in segments that each begin with a snapshot.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -20,7 +20,7 @@ struct Segment {
 }
 
 impl Ring {
-    /// Keeps at least so much time, and at most twice as much.
+    /// Creates a ring that keeps at least so much time, and at most twice as much.
     pub(super) fn new(time: Duration) -> Self {
         Self { time, beginning: Vec::new(), segments: VecDeque::new() }
     }
@@ -44,7 +44,7 @@ impl Ring {
         }
     }
 
-    /// Writes a whole file.
+    /// Writes the kept chunks as a whole file.
     pub(super) fn write(&self, to: &mut impl Write) -> io::Result<()> {
         file::begin(to)?;
         let chunks = self.segments.iter().flat_map(|segment| &segment.chunks);

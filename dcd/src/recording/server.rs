@@ -1,4 +1,5 @@
-//! Replays a server: gives its recorded events to a machine of its own, and compares all that it sends and stores.
+//! Replays a server: gives its recorded events to a machine of its own, and compares everything that it sends
+//! and stores.
 
 use std::time::Duration;
 
@@ -14,15 +15,15 @@ use crate::cluster::{
 use crate::protocol::{EnvironmentProperties, Message, Query};
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick, Viewpoint};
 
-/// The digest of a server has no region; this stands for one.
+/// The region id that stands for a server, whose digest has no region.
 const WHOLE: RegionId = RegionId(0);
 
 /// What happened to a server. Messages are recorded by reference and read as values.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub(super) enum ServerEntry<M = Message> {
-    /// A part of what may not fit an entry.
+    /// A part of a value that may not fit an entry.
     Part(Vec<u8>),
-    /// The parts were the seed.
+    /// The parts before were the seed.
     Begun,
     Disconnected(Peer),
     Message {
@@ -35,20 +36,20 @@ pub(super) enum ServerEntry<M = Message> {
         reason: String,
     },
     Stop,
-    /// The parts were what the program did.
+    /// The parts before were what the program did.
     Program,
     Save,
     Ask(Query),
     Forget(u64),
     Suspend,
     Timeout,
-    /// The digest of all that it had sent and stored, when it knew of this tick.
+    /// The digest of everything that the server had sent and stored when it knew of this tick.
     Told {
         tick: Tick,
         digest: [u8; 8],
     },
     Drain(NodeId),
-    /// The parts were the world that replaced it.
+    /// The parts before were the world that replaced it.
     Replace,
     MayBuild(ClientId),
     Look(Vec<Viewpoint>),
@@ -125,7 +126,7 @@ impl ServerReplay {
         Ok(Self { entries, server, sent: Sent::default(), parts: Vec::new() })
     }
 
-    /// Notes what follows from an event.
+    /// Adds the outputs of an event to the digest.
     fn drain(&mut self) {
         while let Some(output) = self.server.poll_output() {
             self.sent.add(&output);
@@ -205,7 +206,7 @@ impl Replayed for ServerReplay {
     }
 }
 
-/// What a server computes of a world.
+/// The regions of a server, which computes none.
 struct NoRegions;
 
 impl Readout for NoRegions {

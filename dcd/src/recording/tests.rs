@@ -1,4 +1,4 @@
-//! Tests recordings of simulated clusters: they are replayed bit for bit, and a flipped bit is found.
+//! Tests that recordings of simulated clusters are replayed bit for bit, and that a flipped bit is found.
 
 use std::io::Cursor;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,7 +10,7 @@ use crate::space::Tick;
 
 const END: Tick = Tick(u64::MAX);
 
-/// Computes replays by the simulator's physics.
+/// The maker of replays, which compute by the simulator's physics.
 struct StandIns;
 
 impl Computers for StandIns {
@@ -32,7 +32,8 @@ fn replay_of(tapes: impl IntoIterator<Item = Tape>) -> Replay {
     Replay::new(tapes.into_iter().map(member).collect()).unwrap()
 }
 
-/// Runs a cluster under the faults of a row of the fault table, with a bit flipped after this tick if any.
+/// Runs a cluster under the faults of a row of the fault table. A bit is flipped after the tick `flip`, if
+/// any.
 fn run(seed: u64, flip: Option<Tick>) -> Outcome {
     let config = TrialConfig { record: true, flip, clients: 1, ..TrialConfig::default() };
     let profile = FaultProfile::TABLE[seed as usize % FaultProfile::TABLE.len()];
@@ -97,7 +98,8 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     assert!(error.starts_with("b.dcdr: the recording is damaged"), "{error}");
 }
 
-/// Returns whether a bit was flipped in the run of a seed; it is found, and nothing else.
+/// Returns whether a bit was flipped in the run of a seed. Checks that the replay finds that bit, and nothing
+/// else.
 fn is_found(seed: u64) -> bool {
     let outcome = run(seed, Some(Tick(20 + Random::new(seed).below(180))));
     let Some(flipped) = outcome.flipped else { return false };
@@ -125,7 +127,7 @@ fn a_flipped_bit_is_found_with_its_node_tick_region_body_and_field() {
 #[test]
 #[ignore = "a thousand runs"]
 fn a_thousand_flipped_bits_are_found() {
-    // In some runs the node that is to be disturbed dies before.
+    // In some runs the node to be disturbed dies before.
     let (seeds, found) = (AtomicU64::new(0), AtomicU64::new(0));
     let search = || {
         while found.load(Ordering::Relaxed) < 1_000 {
@@ -140,7 +142,7 @@ fn a_thousand_flipped_bits_are_found() {
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    // A panic of one ends the test once the others have come to their ends.
+    // A panic of one thread ends the test once the others have finished.
     std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(search))));
 }
 
@@ -148,12 +150,14 @@ fn a_thousand_flipped_bits_are_found() {
 fn the_first_difference_of_two_runs_is_found() {
     let [one, other] = [None, Some(Tick(70))].map(|flip| run(3, flip));
     let flipped = other.flipped.unwrap();
-    // Two clusters of one seed compute the same until a bit is flipped; each replay by itself computes what it was given.
+    // Two clusters of one seed compute the same until a bit is flipped. Each replay by itself computes what
+    // it was given.
     let mut sides = [one.tapes, other.tapes].map(|tapes| replay_of(tapes.into_values()));
     let [a, b] = &mut sides;
     let (_, found) = difference([a, b], END, |_| ()).unwrap();
     let found = found.expect("they differ");
-    // The replay of the disturbed node goes on without the flip; where the body goes next it has it.
+    // The replay of the disturbed node goes on without the flip. The node that gets the body next was given
+    // it with the flip.
     assert!(found.tick > flipped.tick && found.body == flipped.body, "{found:?} after {flipped:?}");
     assert_eq!(difference([&mut sides[0], &mut replay_of([])], END, |_| ()).unwrap().1, None);
 }

@@ -1,8 +1,9 @@
 //! Checks the invariants of a cluster while it runs.
 //!
-//! Invariant I: in each group every body has exactly one owner, at its highest epoch; none lost, none doubled. Further: no
-//! state goes back in time, neither in a group nor at a node nor at a client, and a node that computes a view that is over holds
-//! nothing at an epoch that would beat its successors'.
+//! Invariant I: in each group every body has exactly one owner, at its highest epoch; no body is lost, none
+//! is doubled. Further invariants: no state goes back in time, neither in a group nor at a node nor at a
+//! client. A node that computes a view that is over holds nothing at an epoch that would beat its successors'
+//! epochs.
 
 mod violation;
 
@@ -25,16 +26,16 @@ struct Snapshot {
     replicas: Vec<(BodyId, Epoch)>,
 }
 
-/// A group's state as far as it has been checked.
+/// The state of a group as far as it has been checked.
 #[derive(Clone, Debug, Default)]
 struct Checked {
-    /// The newest view of which a tick has been checked.
+    /// The newest view in which a tick has been checked.
     view: ViewNumber,
     tick: Tick,
     epochs: BTreeMap<BodyId, Epoch>,
-    /// The last checked tick, its view, and how many rounds members want for the next.
+    /// The last checked tick, its view, and how many rounds members want for the next tick.
     wanted: Option<(ViewNumber, Tick, u32)>,
-    /// Transfers sent to new owners in a tick that have not arrived.
+    /// Transfers to new owners that were sent in a tick and have not arrived.
     flights: BTreeMap<(ViewNumber, Tick), Flight>,
 }
 
@@ -42,28 +43,31 @@ struct Checked {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     at: (Epoch, Tick),
-    /// In a group that it was in before: whatever the present one says first counts.
+    /// Whether it was seen in a group that the client was in before. Then the first state of the present
+    /// group counts, whatever it is.
     elsewhere: bool,
 }
 
-/// Bodies that one node has sent another to own, and their epochs.
+/// The bodies that one node has sent another to own, with their epochs.
 type Flight = BTreeMap<(NodeId, NodeId), Vec<(BodyId, Epoch)>>;
 
-/// Collects what every member holds after each tick and checks it when all have completed that tick.
+/// A collector of what every member holds after each tick. It checks a tick when all members have completed
+/// it.
 #[derive(Clone, Debug, Default)]
 pub struct Checker {
     expected: BTreeSet<BodyId>,
-    /// After how many ticks messages of members are applied.
+    /// The number of ticks after which messages of members are applied.
     lag: u64,
     groups: BTreeMap<GroupId, Checked>,
     /// The group of each view.
     views: BTreeMap<ViewNumber, GroupId>,
-    /// Views whose last tick was completed by some members alone: transfers that others sent in it may be lost until the next view.
+    /// Views whose last tick was completed by some members alone. Transfers that others sent in that tick may
+    /// be lost until the next view.
     crippled: BTreeSet<ViewNumber>,
     snapshots: BTreeMap<(ViewNumber, Tick), Snapshot>,
-    /// The newest epochs that nodes have seen of bodies, in the group that they are in.
+    /// The newest epochs of bodies that each node has seen, with the group that it is in.
     nodes: BTreeMap<NodeId, (GroupId, BTreeMap<BodyId, Epoch>)>,
-    /// The newest epochs that clients have seen, in the group that they are in.
+    /// The newest epochs that each client has seen, with the group that it is in.
     clients: BTreeMap<ClientId, (Option<GroupId>, BTreeMap<BodyId, Seen>)>,
     owned: usize,
     last: Tick,
@@ -72,17 +76,19 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// Creates a checker for bodies that must exist at all times: owned, or for `lag` ticks on their way to a new owner.
+    /// Creates a checker for bodies that must exist at all times: owned, or on their way to a new owner for
+    /// up to `lag` ticks.
     pub fn new(expected: impl IntoIterator<Item = BodyId>, lag: u64) -> Self {
         Self { expected: expected.into_iter().collect(), lag, ..Self::default() }
     }
 
-    /// Returns how many ticks have been checked as a whole.
+    /// Returns the number of ticks that have been checked as a whole.
     pub fn checked(&self) -> u64 {
         self.checked
     }
 
-    /// Returns the most ticks that a group went back because nobody was left who had computed them.
+    /// Returns the largest number of ticks that a group went back because nobody was left who had computed
+    /// them.
     pub fn rewound(&self) -> u64 {
         self.rewound
     }
@@ -92,7 +98,7 @@ impl Checker {
         self.last
     }
 
-    /// Returns how many bodies were owned after the tick that was last checked.
+    /// Returns the number of bodies owned after the tick that was checked last.
     pub fn owned(&self) -> usize {
         self.owned
     }
@@ -102,7 +108,7 @@ impl Checker {
         self.groups.get(&group).map(|checked| (checked.view, checked.tick))
     }
 
-    /// Returns the bodies of a group, after the tick that was last checked.
+    /// Returns the bodies of a group after the tick that was checked last.
     pub fn bodies(&self, group: GroupId) -> impl Iterator<Item = BodyId> {
         self.groups.get(&group).into_iter().flat_map(|checked| checked.epochs.keys().copied())
     }
@@ -117,7 +123,7 @@ impl Checker {
         self.views.insert(view, group);
     }
 
-    /// Notes the transfers that a member sends another, perhaps once more.
+    /// Notes the transfers that one member sends another, perhaps repeatedly.
     pub(super) fn sends(&mut self, from: NodeId, to: NodeId, border: &Border) {
         let transfers: Vec<_> = border
             .messages
@@ -138,7 +144,7 @@ impl Checker {
         }
     }
 
-    /// Forgets what a node knew: it begins anew, or is gone.
+    /// Forgets what a node knew, because it begins anew or is gone.
     pub(super) fn forget_node(&mut self, node: NodeId) {
         self.nodes.remove(&node);
     }
@@ -222,7 +228,7 @@ impl Checker {
         tick: Tick,
         held: impl Iterator<Item = (BodyId, Epoch)>,
     ) -> Result<(), Violation> {
-        // Of several copies in regions of one node, the newest counts.
+        // Among several copies in regions of one node, the newest counts.
         let mut present: BTreeMap<BodyId, Epoch> = BTreeMap::new();
         for (body, epoch) in held {
             let newest = present.entry(body).or_default();
@@ -303,7 +309,7 @@ impl Checker {
 }
 
 impl Checked {
-    /// Returns the bodies in transfer after a tick; those that have arrived are forgotten.
+    /// Returns the bodies in transfer after a tick, and forgets those that have arrived.
     fn flying(&mut self, view: &View, tick: Tick, lag: u64) -> impl Iterator<Item = (BodyId, Epoch)> {
         // Messages written when a view begins are applied at once.
         let arrived = Tick(tick.0.saturating_sub(lag)).max(view.tick);

@@ -1,15 +1,15 @@
-//! Simulates the monotonic clock of a process: it began at some value and runs at a rate of its own.
+//! Simulates the monotonic clock of a process, which begins at any value and runs at a rate of its own.
 
 use std::time::Duration;
 
-/// The clock of one process. It is read with the true time of the simulation.
+/// The clock of one process. Reading it takes the true time of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     /// The true time at which the process began.
     began: Duration,
-    /// The value that it showed then.
+    /// The value that it showed at that time.
     shown: Duration,
-    /// How much faster than true time it runs, parts in a million.
+    /// How much faster than true time it runs, parts per million.
     drift_ppm: i64,
 }
 
@@ -19,14 +19,14 @@ impl Clock {
         Self { began, shown, drift_ppm }
     }
 
-    /// Returns the value that it shows at a true time.
+    /// Returns the value that the clock shows at a true time.
     pub fn read(&self, now: Duration) -> Duration {
         let true_ns = now.saturating_sub(self.began).as_nanos() as i128;
         let local_ns = true_ns + true_ns * i128::from(self.drift_ppm) / 1_000_000;
         self.shown + Duration::from_nanos(local_ns as u64)
     }
 
-    /// Returns the true time at which it first shows `local`.
+    /// Returns the true time at which the clock first shows `local`.
     pub fn due(&self, local: Duration) -> Duration {
         let Some(ahead) = local.checked_sub(self.shown) else { return self.began };
         let true_ns = ahead.as_nanos() as i128 * 1_000_000 / (1_000_000 + i128::from(self.drift_ppm));

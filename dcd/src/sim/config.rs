@@ -1,4 +1,4 @@
-//! Defines the configuration of a run: the cluster, its network and what is looked at.
+//! Defines the configuration of a run: the cluster, its network, and what is recorded and verified.
 
 use super::host::Skew;
 use super::network::{Bounds, NetworkConditions, Path};
@@ -9,43 +9,43 @@ use crate::space::Balance;
 /// The configuration of a run.
 #[derive(Clone, Debug)]
 pub struct SimConfig {
-    /// Seed of everything random.
+    /// The seed of everything random.
     pub seed: u64,
-    /// Nodes at the start.
+    /// The number of nodes at the start.
     pub nodes: u32,
-    /// Regions of the world.
+    /// The number of regions of the world.
     pub regions: usize,
-    /// Persistent bodies.
+    /// The number of persistent bodies.
     pub bodies: u32,
-    /// Their speed along each axis, at most.
+    /// The largest speed of these bodies along each axis, m/s.
     pub speed_m_s: f64,
-    /// Simulated seconds per tick.
+    /// The simulated seconds per tick.
     pub dt_s: f32,
-    /// Network conditions at the start.
+    /// The network conditions at the start.
     pub network: NetworkConditions,
     /// Bounds on the bytes that may wait for a reader.
     pub bounds: Bounds,
-    /// Time that the physics takes for a command.
+    /// The time that the physics takes for a command.
     pub physics: Path,
-    /// Skew of the clocks; `None`: all show the true time.
+    /// The skew of the clocks; `None`: all show the true time.
     pub skew: Option<Skew>,
-    /// Thresholds of delay and distance.
+    /// The thresholds of delay and distance.
     pub thresholds: Thresholds,
     /// The protocol by which members keep in step.
     pub protocol: SyncProtocol,
-    /// How regions follow the load; `None`: they stay.
+    /// How regions follow the load; `None`: they do not.
     pub balance: Option<Balance>,
     /// The rules of grouping.
     pub grouping: Grouping,
-    /// Ticks from one state that clients are told to the next.
+    /// The number of ticks from one state that clients are told to the next.
     pub state_every: u32,
-    /// The clients that a leader tells itself; `None`: all.
+    /// The number of clients that a leader tells itself; `None`: all.
     pub relays_above: Option<u32>,
-    /// Ticks between nodes' checkpoints of moved bodies to the server.
+    /// The number of ticks between nodes' checkpoints of moved bodies to the server.
     pub checkpoint_every: u64,
-    /// Whether its nodes are recorded.
+    /// Whether the nodes and the server are recorded.
     pub record: bool,
-    /// Whether two of three nodes are participants, whose clients nobody plays, and all of these are verified.
+    /// Whether two of three nodes are participants and are all verified. Nobody plays their clients.
     pub verify: bool,
 }
 

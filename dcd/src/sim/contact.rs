@@ -1,4 +1,5 @@
-//! Provides the scenes of trials over Rapier: a stack, a chain and a crowd, small, with borders through what touches.
+//! Provides small scenes for trials over Rapier: a stack, a chain and a crowd, with borders through bodies
+//! that touch.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,9 +12,9 @@ use crate::protocol::{BodyRecord, Coupling, EnvironmentProperties, JointRecord};
 use crate::scene::{Params, Scene};
 use crate::space::{Bounds, DistributionTree, Tick};
 
-/// How many times as much as in the undisturbed world each quantity may be.
+/// How many times its value in the undisturbed world each quantity may have.
 const FACTOR: f64 = 3.0;
-/// Radius of the balls of a gas, metres.
+/// The radius of the balls of a gas, metres.
 const BALL_M: f64 = 0.25;
 
 /// A scene whose bodies touch across borders.
@@ -23,7 +24,7 @@ pub enum ContactScene {
     Stack,
     /// A chain that swings through a border.
     Chain,
-    /// Elastic balls in a closed box that meet everywhere.
+    /// Elastic balls that meet everywhere in a closed box.
     Crowd,
 }
 
@@ -49,7 +50,7 @@ impl ContactScene {
         }
     }
 
-    /// Returns what begins a trial with the scene.
+    /// Returns the function that begins a trial with the scene.
     pub const fn begin(self) -> fn(SimConfig) -> Sim {
         match self {
             Self::Stack => |config| Self::Stack.cluster(config),
@@ -58,7 +59,7 @@ impl ContactScene {
         }
     }
 
-    /// Starts a cluster with the scene, and somebody who watches it.
+    /// Starts a cluster with the scene, and a watch over it.
     fn cluster(self, config: SimConfig) -> Sim {
         let content = self.content(&config);
         let watch = content.watch(&config);
@@ -79,11 +80,11 @@ impl ContactScene {
         let (bodies, joints) = scene.records(&mut shapes).expect("the shapes of the library are sound");
         let mut step = scene.step_settings().record();
         if Random::new(config.seed ^ 0x5917_0000_0000_0000).chance(0.5) {
-            // Half of the runs divide what touches among regions, instead of moving it to one.
+            // Half of the runs divide bodies that touch among regions, instead of moving them to one.
             step.island_limit = 2;
         }
         if config.protocol.lag_ticks() > 0 {
-            // No other works out of step, and a server refuses all others.
+            // Out of step no other coupling works, and a server refuses all others.
             step.coupling = Coupling::Owner;
         }
         let tree = DistributionTree::halved(scene.bounds, config.regions).expect("a small number of regions");
@@ -101,7 +102,8 @@ impl ContactScene {
         };
         let scene = Scene::named(name, &params).expect("the scene is one of the library");
         let bounds = match self {
-            // The grid of stacks has a pitch of 1.5 m, and the middle of the world is that of one stack.
+            // The grid of stacks has a pitch of 1.5 m, and the middle of the world is the middle of one
+            // stack.
             Self::Stack => Bounds::around([0.75, 2.5, 0.75], [4.0; 3]),
             Self::Chain => Bounds::around([0.0, -3.0, 0.0], [5.0, 4.0, 4.0]),
             Self::Crowd => scene.bounds,
@@ -109,8 +111,8 @@ impl ContactScene {
         Scene { bounds, ..scene }
     }
 
-    /// Returns for how long the undisturbed world is looked at, seconds: stacks that never sleep go on sinking, all others show soon
-    /// what they do.
+    /// Returns for how long the undisturbed world is looked at, seconds. Stacks that never sleep go on
+    /// sinking; all other bodies soon show what they do.
     const fn undisturbed_s(self) -> f32 {
         match self {
             Self::Stack => 60.0,
@@ -129,8 +131,8 @@ struct Content {
 }
 
 impl Content {
-    /// Watches a run, by gates that come of the same world in one process, cut into the same regions and never disturbed: what
-    /// borders alone do is no fault's.
+    /// Creates the watch over a run. Its gates come from the same world in one process, cut into the same
+    /// regions and never disturbed, since what borders alone do is not the effect of a fault.
     fn watch(&self, config: &SimConfig) -> Watch {
         let mut host = self.host();
         let dt_s = self.world.step.dt_s;
@@ -139,7 +141,7 @@ impl Content {
         let is_free = config.protocol.lag_ticks() == 0 && config.thresholds.delay.is_none();
         let ruler = match self.of {
             ContactScene::Stack => ruler.standing(),
-            // Late and corrected bodies do not fly freely.
+            // Bodies that are late or corrected do not fly freely.
             ContactScene::Crowd if is_free => ruler.flying(self.world.tree.bounds(), BALL_M),
             ContactScene::Chain | ContactScene::Crowd => ruler,
         };
@@ -173,22 +175,24 @@ impl Content {
     }
 }
 
-/// Returns how much of a quantity is allowed beside what the undisturbed world shows.
+/// Returns how much of a quantity is allowed beyond what the undisturbed world shows.
 fn allowance(quantity: Quantity, config: &SimConfig, tolerance_m_s: f64) -> f64 {
     let dt_s = f64::from(config.dt_s);
     let late_s = config.protocol.lag_ticks() as f64 * dt_s;
-    // What comes late is where its velocity would have brought it, off by ½ a t²: twice gravity is what a chain's end feels.
+    // A late body is where its velocity would have brought it, off by ½ a t². The end of a chain feels twice
+    // gravity.
     let late_m = 9.81 * late_s * late_s;
-    // Another group's bodies are followed only from this distance on.
+    // Bodies of another group are followed only from this distance on.
     let apart_m = config.thresholds.delay.map_or(0.0, |_| f64::from(config.thresholds.between_groups_m));
     match quantity {
         Quantity::Overlap | Quantity::Stray | Quantity::Gap => 0.005 + late_m + apart_m,
-        // Velocities are wrong for as long as what is late is not heard, or as groups are brought together again.
+        // Velocities are wrong until late messages are heard, or while groups are brought together again.
         Quantity::Gain if late_m + apart_m > 0.0 => 0.25,
         Quantity::Gain => 0.05,
         Quantity::Push => tolerance_m_s,
         Quantity::Leap => tolerance_m_s * dt_s,
-        // Few collisions at borders are one-sided, with and without faults, and by some metres per second: not the same ones in each run.
+        // Few collisions at borders are one-sided, by some metres per second, with and without faults, and
+        // not the same ones in each run.
         Quantity::Drift => 4.0 * tolerance_m_s,
     }
 }

@@ -1,4 +1,5 @@
-//! Measures how far copies of a body are apart: between groups after the same tick, and inside a group between owner and replica.
+//! Measures how far apart the copies of a body are: between groups after the same tick, and inside a group
+//! between owner and ghost.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,46 +9,46 @@ use crate::cluster::deviation_m;
 use crate::protocol::{ViewNumber, WorldPose};
 use crate::space::{BodyId, GroupId, Tick};
 
-/// The most ticks that wait for samples; groups are some tenths of a second apart.
+/// The most ticks that wait for samples. Groups are some tenths of a second apart.
 const KEPT: usize = 64;
 
 /// The deviation of a body in a group that is not authoritative for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// Where.
+    /// The group.
     pub group: GroupId,
-    /// Which.
+    /// The body.
     pub body: BodyId,
-    /// How far it is from its position in the authoritative group, metres.
+    /// The distance from its position in the authoritative group, metres.
     pub by_m: f64,
 }
 
-/// Deviations after one tick.
+/// The deviations after one tick.
 #[derive(Clone, Debug, Default)]
 pub struct Deviating {
-    /// Of persistent bodies, in every group but the authoritative one.
+    /// Deviations of persistent bodies, in every group but the authoritative one.
     pub bodies: Vec<Apart>,
-    /// The same of avatars.
+    /// Deviations of avatars, likewise.
     pub avatars: Vec<Apart>,
-    /// Of replicas from their owners, in every group, metres.
+    /// Distances of ghosts from their owners, in every group, metres.
     pub replicas: Vec<f64>,
-    /// Persistent bodies for which another group than the main one is authoritative.
+    /// The number of persistent bodies for which another group than the main one is authoritative.
     pub claimed: usize,
-    /// Between the first group's and the last group's completion of the tick.
+    /// The time between the first group's and the last group's completion of the tick.
     pub apart: Duration,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Group {
     view: ViewNumber,
-    /// Members whose samples are still to come.
+    /// The number of members whose samples are still to come.
     missing: usize,
     time: Duration,
     owned: BTreeMap<BodyId, WorldPose>,
     replicas: Vec<(BodyId, WorldPose)>,
 }
 
-/// Combines the samples of nodes of all groups after the same tick.
+/// A collector that combines the samples of nodes of all groups after the same tick.
 #[derive(Clone, Debug)]
 pub struct Comparer {
     groups: usize,
@@ -55,17 +56,18 @@ pub struct Comparer {
 }
 
 impl Comparer {
-    /// Creates a comparer for so many groups.
+    /// Creates a comparer for this number of groups.
     pub fn new(groups: usize) -> Self {
         Self { groups, ticks: BTreeMap::new() }
     }
 
-    /// Takes samples, and returns the deviations of the ticks that all groups have completed by now.
+    /// Takes the simulation's samples. Returns the deviations of the ticks that all groups have completed by
+    /// now.
     pub fn compare(&mut self, sim: &mut Sim) -> Vec<Deviating> {
         for Sample { time, group, view, members, tick, owned, replicas, .. } in sim.take_samples() {
             let group = self.ticks.entry(tick).or_default().entry(group).or_default();
             if group.view != view {
-                // The last tick of a view is the one with which the next begins.
+                // The next view begins with the last tick of the view before.
                 *group = Group { view, missing: members, ..Group::default() };
             }
             group.missing = group.missing.saturating_sub(1);

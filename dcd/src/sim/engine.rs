@@ -7,31 +7,31 @@ use crate::protocol::{BodyState, Claim, ShapeHash, View, ViewNumber, WorldPose};
 use crate::recording::Physics;
 use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
 
-/// The physics of one simulated node: the [`StandIn`](super::StandIn), or the real one.
+/// The physics of one simulated node: the [`StandIn`](super::StandIn), or the real physics.
 pub trait Engine: Physics + fmt::Debug {
     /// Returns every owned body, in id order.
     fn claims(&self) -> Vec<Claim>;
-    /// Returns every replica with the epoch of its owner as known here, and its pose here.
+    /// Returns every ghost with the epoch of its owner as known here, and its pose here.
     fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)>;
     /// Returns the state of an owned body.
     fn state(&self, id: BodyId) -> Option<BodyState>;
-    /// Returns the rounds of the last tick; 0 when a rebuild took its place.
+    /// Returns the number of rounds of the last tick; 0 if a rebuild took its place.
     fn rounds(&self) -> u32;
-    /// Returns the rounds that the regions here want for the next tick.
+    /// Returns the number of rounds that the regions here want for the next tick.
     fn rounds_wanted(&self) -> u32;
 
-    /// Measures the owned bodies after a tick; the stand-in has no forces, so nothing.
+    /// Measures the owned bodies after a tick. The stand-in has no forces, so it measures nothing.
     fn mechanics(&self) -> Mechanics {
         Mechanics::default()
     }
 
-    /// Returns the names of the shapes that it has; the stand-in has none.
+    /// Returns the hashes of the shapes that it has. The stand-in has none.
     #[doc(hidden)]
     fn shapes(&self) -> Vec<ShapeHash> {
         Vec::new()
     }
 
-    /// Returns whether it is the stand-in: a replay computes with the same.
+    /// Returns whether it is the stand-in. A replay must compute with the same physics.
     fn is_stand_in(&self) -> bool {
         true
     }
@@ -40,14 +40,14 @@ pub trait Engine: Physics + fmt::Debug {
 /// The energy and the contacts of the bodies that a node owns, after a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mechanics {
-    /// Kinetic and potential energy, joules.
+    /// The kinetic and potential energy, joules.
     pub energy_j: f64,
     /// The deepest overlap of two bodies, metres.
     pub deepest_m: f64,
 }
 
 impl Mechanics {
-    /// Adds those of another node of the same group.
+    /// Combines these with the measurements of another node of the same group.
     pub(super) fn and(self, other: Self) -> Self {
         Self { energy_j: self.energy_j + other.energy_j, deepest_m: self.deepest_m.max(other.deepest_m) }
     }
@@ -56,23 +56,23 @@ impl Mechanics {
 /// The bodies that a node held when it had completed a tick.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// The time at which it had completed it.
+    /// The time at which the node had completed the tick.
     pub time: Duration,
-    /// Its group.
+    /// The group of the node.
     pub group: GroupId,
-    /// In which view.
+    /// The view in which the tick was completed.
     pub view: ViewNumber,
-    /// The number of members.
+    /// The number of members of the view.
     pub members: usize,
-    /// Which.
+    /// The node.
     pub node: NodeId,
     /// The tick.
     pub tick: Tick,
-    /// Bodies that it owned.
+    /// The states of the bodies that it owned.
     pub owned: Vec<(BodyId, BodyState)>,
-    /// Poses of replicas whose owners are other members.
+    /// The poses of its ghosts.
     pub replicas: Vec<(BodyId, WorldPose)>,
-    /// Energy and contacts of those that it owned.
+    /// The energy and contacts of the bodies that it owned.
     pub mechanics: Mechanics,
 }
 

@@ -1,4 +1,5 @@
-//! Defines named fault profiles; each makes of a seed a schedule of faults at seeded instants, then a calm end.
+//! Defines named fault profiles. Each makes a schedule from a seed: faults at seeded instants, then a calm
+//! end.
 
 mod planner;
 mod words;
@@ -30,9 +31,9 @@ pub enum FaultProfile {
     Duplicate,
     /// Some processes cannot reach the others for a second.
     Partition1,
-    /// The same for 5 s.
+    /// The same as [`Self::Partition1`], for 5 s.
     Partition5,
-    /// The same for 30 s.
+    /// The same as [`Self::Partition1`], for 30 s.
     Partition30,
     /// Nothing passes one way, for up to 8 s.
     OneWay,
@@ -42,49 +43,55 @@ pub enum FaultProfile {
     KillLeader,
     /// The server is killed, and started again from its disk.
     KillServer,
-    /// Processes of any role stop for up to 12 s, and go on.
+    /// Processes of any role stop for up to 12 s, then go on.
     Stop,
-    /// Clocks differ by up to ± 10 s and run up to 500 ppm fast or slow.
+    /// Clocks differ by up to ± 10 s and run up to 500 ppm fast or slow. A node is killed.
     ClockSkew,
-    /// Members run 6 ticks ahead of one another, 40 ± 10 ms apart; and nodes or leaders are killed, cut off or stopped.
+    /// Members may be 6 ticks out of step, 40 ± 10 ms apart. Depending on the seed, nodes or leaders are
+    /// killed, cut off or stopped.
     Lag,
-    /// Three groups, 60 ms apart; and nodes or leaders of any of them are killed.
+    /// There are three groups, 60 ms apart. Nodes or leaders of any of them are killed.
     GroupsKill,
-    /// The same three groups; and their server is killed, and started again from its disk.
+    /// The same three groups. Their server is killed, and started again from its disk.
     GroupsServer,
-    /// The same three groups; and processes of any role are cut off for 5 s, or stop for up to 12 s.
+    /// The same three groups. Processes of any role are cut off for 5 s, or stop for up to 12 s.
     GroupsCut,
-    /// Regions follow a load that wanders, every third of a second; and nothing, kills, cuts or loss beside that.
+    /// Regions follow a load that wanders, every third of a second. Depending on the seed, nothing, kills,
+    /// cuts or loss come in addition.
     Rebalance,
-    /// One node becomes eight, each of which gets a region; and the same beside that.
+    /// One node becomes eight, each of which gets a region, with the same additions as [`Self::Rebalance`].
     Grow,
-    /// Eight nodes become one, and their regions one; and the same beside that.
+    /// Eight nodes become one, and their regions one, with the same additions.
     Shrink,
-    /// A node is ten times slower, and gets less to do; and the same beside that.
+    /// A node is ten times slower, and gets less to do, with the same additions.
     SlowNode,
-    /// The server's program saves the world and goes back to it; and the same beside that.
+    /// The server's program saves the world and goes back to the save, with the same additions.
     Restore,
-    /// All of the above at once, in one group.
+    /// Loss, reordering, duplicates and skewed clocks, with cuts, kills, stops and slow processes, several at
+    /// a time, in one group. In half of the seeds regions follow the load.
     All,
 }
 
-/// The recovery and accuracy that a profile promises.
+/// The recovery and accuracy that must hold under a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Promise {
-    /// Longest time after the end of the last fault until the group computes on in one membership of live nodes.
+    /// The longest time after the end of the last fault until the group computes on in one membership of live
+    /// nodes.
     pub recovery: Duration,
-    /// Longest time without a tick of the main group while nothing has gone wrong that it has not recovered from.
+    /// The longest time without a tick of the main group while nothing has gone wrong that it has not
+    /// recovered from.
     pub pause: Duration,
-    /// Whether no live member may be evicted, since all live members reach one another.
+    /// Whether no live member may be evicted, because all live members reach one another.
     pub no_eviction: bool,
-    /// Largest error of the server's clock estimate, if that is checked.
+    /// The largest error of the estimate of the server's clock, if that is checked.
     pub clock_error: Option<Duration>,
-    /// Bound on the age of clients' states of their avatars, kept in 99 of 100 samples over all seeds.
+    /// The bound on the age of clients' states of their avatars, which 99 of 100 samples over all seeds keep.
     pub staleness: Option<Duration>,
 }
 
 impl Promise {
-    /// Returns whether what 99 of 100 samples of clients did not exceed is young enough; where nobody looked, nothing was too old.
+    /// Returns whether the age that 99 of 100 samples did not exceed, milliseconds, is within the bound. It
+    /// is where there are no samples, or no bound.
     pub fn is_fresh(&self, staleness_ms: Option<u32>) -> bool {
         let age = staleness_ms.map(|ms| Duration::from_millis(ms.into()));
         self.staleness.zip(age).is_none_or(|(bound, age)| age < bound)
@@ -192,25 +199,28 @@ impl FaultProfile {
         }
     }
 
-    /// Returns what must hold under this profile.
+    /// Returns the promise that must hold under this profile.
     pub fn promise(self) -> Promise {
         let recovery_s = match self {
             Self::KillLeader => 2,
             Self::KillServer | Self::GroupsServer => 10,
-            // Loss, kills and cuts together: their costs add up.
+            // Loss, kills and cuts come together, and their costs add up.
             Self::All => 15,
-            // Nodes come or leave while others are cut off: a change of members waits for those until they are given up.
+            // Nodes come or leave while others are cut off. A change of members waits for these until they
+            // are given up.
             Self::Grow | Self::Shrink => 8,
-            // Everybody begins anew, as without a server's memory.
+            // All nodes begin anew, as if the server had no memory.
             Self::Restore => 8,
             _ => 3,
         };
         let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
         Promise {
             recovery: Duration::from_secs(recovery_s),
-            // Where a fifth is lost, an exchange may need several attempts, each twice as late as the one before.
+            // Where a fifth is lost, an exchange may need several attempts, each twice as late as the one
+            // before.
             pause: Duration::from_secs(if self == Self::Loss20 { 8 } else { 3 }),
-            // At a loss of a fifth, five in a row are lost sooner or later, and a process that is silent for seconds seems to hang.
+            // At a loss of a fifth, five packets in a row are lost sooner or later, and a process that is
+            // silent for seconds seems to hang.
             no_eviction: !has_faults && self != Self::Loss20,
             clock_error: (self == Self::ClockSkew).then_some(Duration::from_millis(5)),
             staleness: (self == Self::Loss5).then_some(Duration::from_millis(250)),
@@ -257,7 +267,7 @@ impl FaultProfile {
             Self::KillServer => (0..2).for_each(|_| plan.kill(ProcessKind::Server, 200, 5_000, 6_000)),
             Self::Stop => (0..2).for_each(|_| plan.stop(5_000)),
             Self::ClockSkew => {
-                // A LAN.
+                // The network is a LAN.
                 network = NetworkConditions::calm(Path::up_to(1_000));
                 skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 500 });
                 plan.wait(15_000, 15_000);
@@ -352,7 +362,7 @@ impl FaultProfile {
     }
 }
 
-/// Returns settings that find something to change in the small world of a trial several times per second.
+/// Returns settings by which the small world of a trial finds something to change several times per second.
 fn quick_balance() -> Balance {
     Balance { every_ticks: 10, tolerance: 1.1, smallest_edge_m: 0.25, ..Balance::by_nodes() }
 }
@@ -377,85 +387,87 @@ impl FromStr for FaultProfile {
 /// The faults and conditions of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
-    /// Conditions of the network until the calm end.
+    /// The conditions of the network until the calm end.
     pub network: NetworkConditions,
-    /// Skew of the clocks.
+    /// The skew of the clocks.
     pub skew: Option<Skew>,
-    /// Ticks per second with a report each, where ages are measured; `None`: as the trial has it.
+    /// The number of ticks per second, each with a report, where ages are measured; `None`: as the trial has
+    /// it.
     pub rate: Option<u32>,
-    /// Ticks that members may be apart; `None`: as the trial has it.
+    /// The number of ticks that members may be apart; `None`: as the trial has it.
     pub lag_ticks: Option<u32>,
-    /// Sites of the nodes, as many nodes at each; those of one site are a group.
+    /// The number of sites. Each has the same number of nodes, and the nodes of one site are a group.
     pub sites: u32,
-    /// How regions follow the load; `None`: they stay.
+    /// How regions follow the load; `None`: they do not.
     pub balance: Option<Balance>,
-    /// From when on there are to be so many nodes, in order of time; empty: as the trial has it.
+    /// The number of nodes that there are to be from each time on, in order of time; empty: as the trial has
+    /// it.
     pub nodes: Vec<(Duration, u32)>,
-    /// Which node is ten times slower than the others; any number.
+    /// The choice of the node that is ten times slower than the others: any number.
     pub slow_node: Option<u64>,
-    /// When the world is saved, and when it goes back to that.
+    /// The times at which the world is saved, and at which it goes back to that save.
     pub restores: Vec<(Duration, Duration)>,
-    /// Faults in order of time.
+    /// The faults in order of time.
     pub faults: Vec<Planned>,
-    /// Time from which nothing goes wrong: cuts are over, stopped processes go on.
+    /// The time from which nothing goes wrong: cuts are over, stopped processes go on.
     pub calm_at: Duration,
 }
 
 /// A planned fault and its instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planned {
-    /// The earliest time of it.
+    /// The earliest time of the fault.
     pub at: Duration,
-    /// The moment after that for which it waits.
+    /// The moment that the fault then waits for.
     pub moment: Moment,
     /// The fault.
     pub fault: Fault,
 }
 
-/// The moment for which a fault waits; after a second it waits no longer.
+/// The moment that a fault waits for. After a second the fault happens without it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// None.
+    /// The fault waits for nothing.
     Any,
-    /// So many events after a view change has begun.
+    /// This number of events after a view change has begun.
     Changing(u32),
-    /// So many events after a transfer between two nodes was sent.
+    /// This number of events after a transfer between two nodes was sent.
     Transferring(u32),
 }
 
 /// A fault: a cut, a kill, a stop or a slow process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// Nothing passes between these and the others.
+    /// Nothing passes between an island and all other processes.
     Cut {
-        /// Who is cut off.
+        /// The processes that are cut off.
         island: Island,
-        /// Which ways.
+        /// The directions that are cut.
         ways: Ways,
-        /// For how long.
+        /// The length of the cut.
         time: Duration,
     },
     /// A process dies, and one of its kind begins later.
     Kill {
-        /// Which.
+        /// The process.
         victim: Victim,
-        /// When a successor begins.
+        /// The time after which a successor begins.
         back_after: Duration,
     },
-    /// A process does nothing for a time.
+    /// A process does nothing for some time.
     Stop {
-        /// Which.
+        /// The process.
         victim: Victim,
-        /// For how long.
+        /// The length of the stop.
         time: Duration,
     },
     /// Every event costs a process time.
     Slow {
-        /// Which.
+        /// The process.
         victim: Victim,
-        /// How much.
+        /// The time that an event costs it.
         cost: Duration,
-        /// For how long.
+        /// How long the process is slow.
         time: Duration,
     },
 }
@@ -472,9 +484,9 @@ impl Fault {
 /// A process, as far as it can be named before the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Victim {
-    /// Of which kind.
+    /// The kind of process.
     pub role: ProcessKind,
-    /// Which of them; any number.
+    /// The choice among processes of this kind: any number.
     pub pick: u64,
 }
 
@@ -494,29 +506,29 @@ pub enum ProcessKind {
 /// The processes on one side of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Island {
-    /// One process, from all others.
+    /// One process, cut off from all others.
     One(Victim),
-    /// So many nodes, with the server or without, from all others.
+    /// Some nodes, with or without the server, cut off from all others.
     Nodes {
-        /// Where the choice of nodes begins.
+        /// The choice of the first node; the others follow it in id order.
         pick: u64,
-        /// How many.
+        /// The number of nodes.
         count: u64,
         /// Whether the server is among them.
         with_server: bool,
     },
-    /// Two nodes from one another.
+    /// Two nodes, cut off from one another. The value chooses the first of them.
     Pair(u64),
 }
 
 /// The direction of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ways {
-    /// Nothing passes.
+    /// Nothing passes in either direction.
     Both,
-    /// What those on the island send does not arrive.
+    /// What the processes on the island send does not arrive.
     Out,
-    /// What is sent to them does not arrive.
+    /// What is sent to the processes on the island does not arrive.
     In,
 }
 

@@ -9,7 +9,7 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, DistributionTree, Epoch};
 
-/// Returns a world of 16 × 8 × 8 m in this many regions, without gravity.
+/// Returns a world of 16 × 8 × 8 m with this number of regions, without gravity.
 pub fn sim_world(regions: usize) -> EnvironmentProperties {
     let bounds = Bounds::new([0.0; 3], [16.0, 8.0, 8.0]);
     EnvironmentProperties {
@@ -40,12 +40,13 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
     }
 }
 
-/// Returns whether two velocities are the same in size along each axis, as far as clients are told: a body may have bounced.
+/// Returns whether two velocities are of the same size along each axis, as precisely as clients are told. The
+/// signs may differ, since a body may have bounced.
 pub(super) fn as_fast(one: Velocity, other: Velocity) -> bool {
     (0..3).all(|axis| (one.linear[axis].abs() - other.linear[axis].abs()).abs() <= 0.001)
 }
 
-/// Returns a body at rest without colliders: all that the stand-in needs.
+/// Returns a body at rest without colliders, which is all that the stand-in needs.
 pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     let traits = BodyTraits {
         kind: BodyKind::Dynamic,
@@ -83,14 +84,14 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits), user_data: 0 }
 }
 
-/// Returns a body at a random place in the world, with up to this speed along each axis.
+/// Returns a body at a random place in the world, with a random speed of at most `most_m_s` along each axis.
 pub(super) fn drifting(id: BodyId, most_m_s: f64, random: &mut Random) -> BodyRecord {
     let mut body = sim_body(id, [random.unit() * 16.0, random.unit() * 8.0, random.unit() * 8.0]);
     body.state.velocity.linear = std::array::from_fn(|_| ((random.unit() * 2.0 - 1.0) * most_m_s) as f32);
     body
 }
 
-/// Returns a usual collider of this shape.
+/// Returns an ordinary collider of this shape.
 #[cfg(test)]
 pub(crate) fn sim_collider(shape: &crate::protocol::ShapeRecord) -> crate::protocol::ColliderRecord {
     use crate::protocol::{ColliderMass, ColliderRecord, CombineRule, Groups, Pose};

@@ -6,12 +6,12 @@ use crate::cluster::deviation_m;
 use crate::protocol::WorldPose;
 use crate::space::{BodyId, ClientId, GroupId};
 
-/// What rests is told once, within this, metres.
+/// The error within which clients are told where a resting body is, metres: they are told of it once.
 const REST_M: f64 = 0.002;
 
 impl Sim {
-    /// Returns which movable body a client, who hears of the whole world, does not know as it is: its state is older than so many ticks, and
-    /// of another place.
+    /// Returns in words which movable body a client that hears of the whole world does not know as it is: the
+    /// client does not see it, or has a state that is more than `ticks` old and of another place.
     pub(super) fn lacks_body(&self, client: ClientId, ticks: u64) -> Option<String> {
         let machine = self.clients.get(&client)?;
         let group = machine.group()?;
@@ -28,7 +28,7 @@ impl Sim {
         })
     }
 
-    /// Returns where the owner of a body in a group has it.
+    /// Returns the pose of a body at its owner in a group.
     fn place_in(&self, group: GroupId, id: BodyId) -> Option<WorldPose> {
         let is_member =
             |process: &&NodeProcess| process.machine.view().is_some_and(|view| view.group == group);

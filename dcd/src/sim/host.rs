@@ -1,4 +1,4 @@
-//! Simulates the host of a process: its clock, its unread mailbox, whether it is slow or stopped.
+//! Simulates the host of a process: its clock, its unread mailbox, and whether it is slow or stopped.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,9 +9,9 @@ use super::network::Delivery;
 /// The skew of processes' clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skew {
-    /// Largest offset from the true time, either way.
+    /// The largest offset from the true time, either way.
     pub offset: Duration,
-    /// Largest difference of rate, parts in a million.
+    /// The largest difference of rate, parts per million.
     pub drift_ppm: i64,
 }
 
@@ -20,11 +20,11 @@ pub struct Skew {
 pub(super) struct Host {
     pub(super) clock: Clock,
     pub(super) mailbox: VecDeque<Delivery>,
-    /// Time that handling one event takes it.
+    /// The time that handling one event takes.
     pub(super) cost: Duration,
     pub(super) busy_until: Duration,
     pub(super) stopped: bool,
-    /// The true time at which its machine wants to be called.
+    /// The true time at which the host's machine wants to be called.
     pub(super) timer: Option<Duration>,
 }
 
@@ -45,7 +45,7 @@ impl Host {
         self.stopped || now < self.busy_until || !self.mailbox.is_empty()
     }
 
-    /// Returns when it next acts by itself.
+    /// Returns when the host next acts by itself.
     pub(super) fn wake(&self) -> Option<Duration> {
         if self.stopped {
             None

@@ -1,6 +1,8 @@
-//! Simulates whole clusters in one thread: the state machines of [`cluster`](crate::cluster) with virtual clocks, a seeded network
-//! that loses, delays and cuts, processes that are killed, stopped and slow at any event, and a stand-in for the physics, or Rapier
-//! itself. Every message passes the codec. Same seed, same run.
+//! Simulates whole clusters in one thread, from one seed: the same seed gives the same run.
+//!
+//! The state machines of [`cluster`](crate::cluster) run with virtual clocks. A seeded network loses, delays
+//! and cuts. Processes are killed, stopped and slowed at any event. The physics is a stand-in, or Rapier
+//! itself. Every message passes the codec.
 
 mod check;
 mod clock;

@@ -1,9 +1,13 @@
-//! Simulates links that behave like QUIC over a lossy path, in virtual time: reliable lanes stay in order and repair loss by sending
-//! again, datagrams do not; an end that hears nothing for the idle time-out drops the link, which the other end learns by a reset
-//! or by its own time-out; the bytes that a reader has not read are bounded.
+//! Simulates links that behave like QUIC over a lossy path, in virtual time.
 //!
-//! Keep-alives are not simulated one by one: an end *hears* the other as long as packets could pass. Only when that ends, by
-//! a cut, a stop or a death, is its time-out begun. Congestion is not simulated: paths are as wide as they need be.
+//! - Reliable lanes stay in order and repair loss by sending again. Datagrams do not.
+//! - An end that hears nothing for the idle time-out drops the link. The other end learns this by a reset or
+//!   by its own time-out.
+//! - The bytes that a reader has not read are bounded.
+//!
+//! Keep-alives are not simulated one by one: an end *hears* the other as long as packets could pass. Only
+//! when that ends, by a cut, a stop or a death, does its time-out begin. Congestion is not simulated: paths
+//! are as wide as they need be.
 
 mod conditions;
 mod life;
@@ -24,12 +28,12 @@ use crate::space::NodeId;
 pub use conditions::{Bounds, Cut, NetworkConditions, Path, Who};
 pub(super) use link::LinkId;
 
-/// Longest time before an end acknowledges.
+/// The longest time before an end acknowledges a packet.
 const ACK_DELAY: Duration = Duration::from_millis(25);
 /// The payload of one packet.
 const PACKET_BYTES: usize = 1_200;
 
-/// An event at a process: of a link, or a message.
+/// What arrives at a process: an event of a link, a message, or an answer of the physics.
 #[derive(Clone, Debug)]
 pub(super) enum Arrival {
     Connected(Peer),
@@ -51,14 +55,14 @@ pub(super) struct Delivery {
 
 #[derive(Clone, Debug)]
 enum Event {
-    /// The dialler's first packet is sent; the count of attempts.
+    /// The dialler sends its first packet. The number counts attempts.
     Dial(LinkId, u32),
-    /// The handshake is complete at the listener's.
+    /// The handshake is complete at the listener.
     Listen(LinkId, u32),
-    /// The handshake is complete at the dialler's.
+    /// The handshake is complete at the dialler.
     Open(LinkId),
     GiveUp(LinkId),
-    /// So many packets of a frame arrive; `Side` is the sender's.
+    /// Packets of a frame arrive: sender's side, lane, number of the frame, number of packets.
     Packets(LinkId, Side, usize, u64, u64),
     Resend(LinkId, Side, usize, u64),
     Datagram(LinkId, Side, Vec<u8>),
@@ -66,9 +70,9 @@ enum Event {
     Idle(LinkId, Side, Duration),
     /// The end hears the other again.
     Hears(LinkId, Side),
-    /// The end, whose other end is gone, sends a keep-alive.
+    /// The end sends a keep-alive to the other end, which is gone.
     Probe(LinkId, Side),
-    /// The other end's word that it has closed arrives at this end.
+    /// The message that the other end has closed arrives at this end.
     Closed(LinkId, Side),
     Linger(LinkId, Side),
     Healed,
@@ -78,15 +82,15 @@ enum Event {
 /// Statistics of the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Frames and datagrams sent.
+    /// The number of frames and datagrams sent.
     pub messages: u64,
-    /// Their bytes.
+    /// The number of bytes in them.
     pub bytes: u64,
-    /// Datagrams that did not arrive.
+    /// The number of datagrams that did not arrive.
     pub datagrams_lost: u64,
-    /// Frames of which packets had to be sent again.
+    /// The number of times that packets of a frame were sent again.
     pub resent: u64,
-    /// Links that broke because a reader did not read.
+    /// The number of links that broke because a reader did not read.
     pub overflows: u64,
     /// The most bytes that a sender kept for a server or node.
     pub most_queued: usize,
@@ -97,7 +101,7 @@ pub struct Traffic {
 }
 
 impl std::ops::AddAssign for Traffic {
-    /// Adds sums, and takes the larger of maxima.
+    /// Adds up sums, and takes the larger of maxima.
     fn add_assign(&mut self, other: Self) {
         self.messages += other.messages;
         self.bytes += other.bytes;
@@ -117,17 +121,17 @@ pub(super) struct Network {
     random: Random,
     queue: BTreeMap<(Duration, u64), Event>,
     pushed: u64,
-    /// Live processes; for stopped ones, the time since when.
+    /// Live processes, each with the time at which it was stopped, if it is stopped.
     alive: BTreeMap<Peer, Option<Duration>>,
     links: BTreeMap<LinkId, Link>,
     last_link: u64,
-    /// The newest open link of (own end, other end).
+    /// The newest open link, by own end and other end.
     current: BTreeMap<(Peer, Peer), LinkId>,
     /// Messages sent before the link was up.
     waiting: BTreeMap<(Peer, Peer), Waiting>,
-    /// Links that a process has closed itself: it hears nothing more of them.
+    /// Links that a process has closed itself. It hears nothing more of them.
     hung_up: BTreeSet<(Peer, LinkId)>,
-    /// Datagrams that processes have not read, bytes.
+    /// The datagrams that each process has not read, bytes.
     datagrams: BTreeMap<Peer, usize>,
     cuts: Vec<Cut>,
     ready: VecDeque<Delivery>,
@@ -197,7 +201,7 @@ impl Network {
         self.push(time, Event::Physics(node, Box::new(event)));
     }
 
-    /// Starts a process, perhaps again.
+    /// Starts a process, perhaps once more.
     pub(super) fn start(&mut self, now: Duration, who: Peer) {
         self.alive.insert(who, None);
         self.recall(now, who);
@@ -212,7 +216,7 @@ impl Network {
         self.push(now + HANDSHAKE_TIMEOUT, Event::GiveUp(id));
     }
 
-    /// Sends a message, now or when the link is up. The server, which only answers calls, has nobody to wait for.
+    /// Sends a message, now or when the link is up. The server only answers calls, so it waits for no link.
     pub(super) fn send(&mut self, now: Duration, from: Peer, to: Peer, lane: Lane, bytes: Vec<u8>) {
         self.traffic.messages += 1;
         self.traffic.bytes += bytes.len() as u64;
@@ -230,7 +234,7 @@ impl Network {
         }
     }
 
-    /// Notes that a process has read or discarded an arrival: there is room for more.
+    /// Notes that a process has read or discarded an arrival, which makes room for more.
     pub(super) fn read(&mut self, Delivery { to, link, arrival }: &Delivery) {
         let (Some(link), Arrival::Frame(_, bytes, datagram)) = (link, arrival) else { return };
         if *datagram {
@@ -248,7 +252,7 @@ impl Network {
         self.hung_up.is_empty() || !self.hung_up.contains(&(reader, link))
     }
 
-    /// Returns whether a process has a link to another that the other has as well.
+    /// Returns whether a process's newest link to another process is open at both ends.
     pub(super) fn is_linked(&self, own: Peer, other: Peer) -> bool {
         let link = self.current.get(&(own, other)).and_then(|id| self.links.get(id));
         link.is_some_and(|link| Side::BOTH.into_iter().all(|side| link.is_open(side)))
@@ -273,8 +277,8 @@ impl Network {
         delay
     }
 
-    /// Returns the time after which a packet without an acknowledgement is sent again: a round trip and some, doubled each time, and
-    /// no longer than until a keep-alive's acknowledgement reveals the loss.
+    /// Returns the time after which a packet without an acknowledgement is sent again: a round trip and some,
+    /// doubled each time, but no longer than until a keep-alive's acknowledgement reveals the loss.
     fn patience(&self, from: Peer, to: Peer, retries: u32, keep_alive: Duration) -> Duration {
         let trip =
             self.conditions.path(from, to).longest() + self.conditions.path(to, from).longest() + ACK_DELAY;
@@ -302,7 +306,7 @@ impl Network {
         self.probe_by_sending(now, id, side);
     }
 
-    /// Sends the packets of a frame that the other end lacks; lost ones are sent again later.
+    /// Sends the packets of a frame that the other end lacks. Lost packets are sent again later.
     fn transmit(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64) {
         let Some(link) = self.links.get_mut(&id) else { return };
         let to = link.end(side.other()).who;
@@ -358,7 +362,7 @@ impl Network {
         }
     }
 
-    /// Gives the reader the frames of this end that have arrived in order.
+    /// Gives the reader the frames from this end that have arrived in order.
     fn give(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         if !link.is_open(side.other()) {

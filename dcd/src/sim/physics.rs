@@ -1,5 +1,6 @@
-//! Stands in for the physics: bodies fly straight and bounce off the world's bounds, are replicated in a halo, and change owner by
-//! position, in the same border messages as the real ones. Bodies near an avatar report contacts with it, without any force.
+//! Stands in for the physics: bodies fly straight and bounce off the world's bounds, have ghosts in a halo,
+//! and change owner by position, in the same border messages as the real ones. Bodies near an avatar report
+//! contacts with it, without any force.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,17 +17,17 @@ use crate::space::{
     BodyId, Bounds, Burden, ClientId, Epoch, RegionId, RegionSet, Renaming, Tick, TreeChange, summarised,
 };
 
-/// Width of the halo: how far beyond its box a region holds replicas, metres.
+/// The width of the halo: how far beyond its cell a region holds ghosts, metres.
 const HALO_M: f64 = 1.0;
-/// Every so many ticks each region exchanges messages with all.
+/// The number of ticks between two in which each region exchanges messages with all.
 const MEET_EVERY: u64 = 8;
-/// Distance at which a body and an avatar touch, metres.
+/// The distance at which a body and an avatar touch, metres.
 const TOUCH_M: f64 = 1.0;
 
 #[derive(Clone, Debug)]
 struct Owned {
     body: BodyRecord,
-    /// Regions that hold a replica.
+    /// The regions that hold a ghost of it.
     holders: BTreeSet<RegionId>,
 }
 
@@ -34,7 +35,7 @@ struct Owned {
 struct Region {
     owned: BTreeMap<BodyId, Owned>,
     replicas: BTreeMap<BodyId, BodyRecord>,
-    /// The owners of the replicas.
+    /// The owners of the ghosts.
     owners: BTreeMap<BodyId, RegionId>,
     touching: BTreeSet<ContactKey>,
 }
@@ -69,19 +70,19 @@ impl Region {
 pub struct StandIn {
     world: Option<EnvironmentProperties>,
     regions: BTreeMap<RegionId, Region>,
-    /// Rounds of the present tick that are not computed yet.
+    /// The rounds of the present tick, and those of them that are not computed yet.
     rounds: u32,
     rounds_left: u32,
-    /// Questions that came with the tick.
+    /// The questions that came with the tick.
     questions: Vec<(ClientId, Query)>,
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
     copy: Option<Box<Copy>>,
-    /// What other members compute and is computed once more here.
+    /// Other members' regions that are computed once more here, by the number of the run.
     runs: BTreeMap<u64, Self>,
 }
 
-/// A copy of the regions for speculative ticks, while other members are waited for.
+/// A copy of the regions for speculative ticks, while the node waits for other members.
 #[derive(Clone, Debug)]
 struct Copy {
     bodies: BTreeMap<BodyId, BodyRecord>,
@@ -113,12 +114,12 @@ impl Copy {
     }
 
     fn states(&self) -> Vec<SharedState> {
-        // Who computes it meanwhile owns none of it.
+        // No region owns the bodies of a copy.
         self.bodies.values().map(|body| shared(body, RegionId::default())).collect()
     }
 }
 
-/// Moves a body straight on, and back from the bounds of the world.
+/// Moves a body straight on, and turns it back at the bounds of the world.
 fn fly(state: &mut BodyState, bounds: &Bounds, dt_s: f64) {
     for i in 0..3 {
         state.pose.translation[i] += f64::from(state.velocity.linear[i]) * dt_s;
@@ -154,7 +155,8 @@ impl Engine for StandIn {
         self.rounds
     }
 
-    // Rounds that the regions here want for the next tick: the world's first region something that changes, all others 1.
+    // Returns the rounds wanted for the next tick: for the world's first region a number that varies, for all
+    // others 1.
     fn rounds_wanted(&self) -> u32 {
         let first = self.world().tree.leaves().next();
         let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
@@ -199,7 +201,7 @@ impl Readout for StandIn {
 }
 
 impl StandIn {
-    /// Carries out a command; `None` for those without an answer.
+    /// Carries out a command, and returns its answer; `None` for commands that have none.
     fn carry_out(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
         match command {
             PhysicsCommand::World(world) => {
@@ -330,7 +332,7 @@ impl StandIn {
                     let world = self.world();
                     (f64::from(world.step.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)
                 };
-                // Where bodies are here is where they were after the last tick.
+                // The poses here are those after the last tick.
                 let lag_s = (tick.0 as f64 - 1.0 - told.0 as f64) * dt_s;
                 for state in states {
                     let owner = self.regions.values_mut().find_map(|region| region.owned.get_mut(&state.id));
@@ -357,8 +359,8 @@ impl StandIn {
         }
     }
 
-    /// Returns the regions with which one here exchanges messages in a tick: those near it, those that hold what it holds, and now and
-    /// then all. Where members are not in step, always all.
+    /// Returns the regions with which a region here exchanges messages in a tick: regions near it and regions
+    /// that hold the same bodies; all regions in every eighth tick, and always where members are not in step.
     fn neighbours(&self, tick: Tick, of: RegionId) -> BTreeSet<RegionId> {
         let EnvironmentProperties { tree, protocol, .. } = self.world();
         if tick.0.is_multiple_of(MEET_EVERY) || protocol.lag_ticks() > 0 {
@@ -370,7 +372,8 @@ impl StandIn {
         near.chain(holders).chain(region.owners.values().copied()).collect()
     }
 
-    /// Returns the messages of every region, with the transfers that follow from positions: only to where a replica is already.
+    /// Returns the messages of every region, with the transfers that follow from positions. A body is
+    /// transferred only to a region that has a ghost of it already.
     fn speak(&mut self, tick: Tick, removed: Vec<BodyRecord>) -> PhysicsEvent {
         let neighbours: BTreeMap<_, _> =
             self.regions.keys().map(|&region| (region, self.neighbours(tick, region))).collect();
@@ -392,7 +395,7 @@ impl StandIn {
                 wanted.remove(&from);
                 let target = tree.leaf_at(place);
                 let leaves = target != from && holders.contains(&target);
-                // Who comes to hold a body that leaves would not know its owner.
+                // A region that gets a ghost of a body that leaves would not know its owner.
                 wanted.retain(|new| holders.contains(new) || neighbours[&from].contains(new) && !leaves);
                 for &gone in holders.difference(&wanted) {
                     to(gone, &mut |message| message.drops.push(id));
@@ -464,7 +467,7 @@ impl StandIn {
         }
     }
 
-    /// Changes the tree: regions change their names, are new here, or are given up.
+    /// Changes the tree: regions are renamed, begin here, or are given up.
     fn repartition(&mut self, changes: &[TreeChange], newborn_here: bool) {
         let tree = &mut self.world.as_mut().expect("the world comes first").tree;
         let renamings: Vec<_> = changes.iter().filter_map(|change| tree.renaming(change)).collect();
@@ -492,7 +495,7 @@ impl StandIn {
         }
     }
 
-    /// Returns what there is to do here: every body is as much work as any other.
+    /// Returns the load of the regions here: every body is as much work as any other.
     fn load_report(&self) -> LoadReport {
         let regions = self.regions.iter().map(|(&region, content)| {
             let count = content.owned.len() as f64;
@@ -557,7 +560,7 @@ impl StandIn {
     }
 }
 
-/// Answers a question: bodies are balls of a metre, shapes are points, and nothing is overlooked.
+/// Answers a question. Bodies are balls of a metre, shapes are points, and no filter leaves anything out.
 fn answer(owned: &BTreeMap<BodyId, &BodyRecord>, client: ClientId, question: &Query) -> Answer {
     let mut found = question.parts.nothing();
     for body in owned.values() {
@@ -613,7 +616,7 @@ fn on_way(body: &BodyRecord, cast: &CastQuery) -> Option<CastAnswer> {
     (fraction <= 1.0).then_some(hit)
 }
 
-/// Returns the distance along a way at which it passes a place within a metre.
+/// Returns the distance along a way at which it passes within a metre of a place; `None` if it does not.
 fn passed(place: [f64; 3], origin: [f64; 3], direction: [f32; 3]) -> Option<f64> {
     let along = nalgebra::Vector3::from(direction.map(f64::from)).normalize();
     let from = nalgebra::Vector3::from(place) - nalgebra::Vector3::from(origin);

@@ -1,4 +1,5 @@
-//! Generates random numbers by SplitMix64 (Steele, Lea, Flood 2014): all randomness of a run comes from its seed.
+//! Generates random numbers by SplitMix64 (Steele, Lea, Flood 2014). All randomness of a run comes from its
+//! seed.
 
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use crate::space::mixed;
 pub struct Random(u64);
 
 impl Random {
-    /// Creates the source of this seed.
+    /// Creates a source from this seed.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -25,7 +26,7 @@ impl Random {
         self.bits() % bound
     }
 
-    /// Returns a number from 0 up to 1.
+    /// Returns a number from 0 inclusive to 1 exclusive.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -35,7 +36,7 @@ impl Random {
         probability > 0.0 && self.unit() < probability
     }
 
-    /// Returns a time from 0 up to this one.
+    /// Returns a time from 0 to this time inclusive.
     pub fn up_to(&mut self, longest: Duration) -> Duration {
         Duration::from_micros(self.below(longest.as_micros() as u64 + 1))
     }
@@ -45,7 +46,7 @@ impl Random {
         Duration::from_millis(least) + self.up_to(Duration::from_millis(most - least))
     }
 
-    /// Returns one of these.
+    /// Returns one of these; `None` if there are none.
     pub fn pick<T: Copy>(&mut self, of: &[T]) -> Option<T> {
         if of.is_empty() { None } else { Some(of[self.below(of.len() as u64) as usize]) }
     }

@@ -1,4 +1,4 @@
-//! Gives the nodes of a simulated cluster the physics of real ones, by Rapier.
+//! Gives the nodes of a simulated cluster Rapier, the physics of real nodes.
 
 use std::fmt;
 
@@ -19,15 +19,15 @@ pub struct RapierEngine {
 }
 
 impl RapierEngine {
-    /// Makes the physics of one more node, without a world.
+    /// Creates the physics of one more node, without a world.
     pub fn boxed() -> Box<dyn Engine> {
         Box::new(Self { device: PhysicsDevice::new(1), rounds: 0 })
     }
 }
 
 impl RapierEngine {
-    /// Returns every movable body here with its role. Unlike what the host keeps by id, regions can be read in the middle of a
-    /// tick, when what they handed over is nobody's yet.
+    /// Returns every movable body here with its role. It reads the regions, unlike the host's own map by id:
+    /// in the middle of a tick, bodies that regions have handed over are nobody's yet.
     fn held(&self) -> impl Iterator<Item = ((BodyId, &Region, RigidBodyHandle), Ownership)> {
         let regions = self.device.host().into_iter().flat_map(|host| host.regions());
         regions
@@ -49,7 +49,7 @@ impl Physics for RapierEngine {
             _ => {}
         }
         let mut event = self.device.execute(command)?;
-        // What is told of the machine's own time is left out: a seed is to give the same run.
+        // Times of this machine are left out, since a seed must always give the same run.
         if let Some(PhysicsEvent::Settled { stats, load, regions, .. }) = &mut event {
             stats.compute_us = 0;
             regions.iter_mut().for_each(|state| state.set_times_ms([state.awake as f32 * 1e-3; 3]));

@@ -1,4 +1,5 @@
-//! Records the nodes of a simulated cluster, and flips a bit of a body on one of them, to see that a replay finds it.
+//! Records the nodes of a simulated cluster, and flips a bit of a body on one of them, so that tests see
+//! whether a replay finds it.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,24 +35,25 @@ impl Write for Tape {
     }
 }
 
-/// A bit that is flipped on one node, which goes on with it as if nothing had happened.
+/// A bit that was flipped on one node, which goes on as if nothing had happened.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flipped {
-    /// On which node.
+    /// The node.
     pub node: NodeId,
-    /// After which tick.
+    /// The tick after which the bit was flipped.
     pub tick: Tick,
-    /// Of which region.
+    /// The region that owns the body.
     pub region: RegionId,
-    /// Of which body.
+    /// The body.
     pub body: BodyId,
-    /// Of which field.
+    /// The name of the field that changed.
     pub field: &'static str,
-    /// What the field was, and is.
+    /// The value of the field before and after.
     pub values: [f64; 2],
 }
 
-/// Flips a random bit of a random body, one that leaves a place near the world and a speed that can be told; `None` where there is no body.
+/// Flips a random bit of a random body, such that its place stays near the world and its speed can be told.
+/// Returns `None` if there is no body.
 pub(super) fn flip(
     physics: &mut dyn Engine,
     node: NodeId,
@@ -71,7 +73,7 @@ pub(super) fn flip(
         let values = [before.value(field), after.value(field)];
         let pose = WorldPose { translation: after.translation_f64(), rotation: after.rotation() };
         let velocity = Velocity { linear: after.linvel(), angular: after.angvel() };
-        // Others refuse what is no number or no rotation.
+        // Other members refuse values that are no numbers or no rotations.
         if values[1].abs() < 30.0 && pose.check().is_ok() && velocity.check().is_ok() {
             physics.set(body, &after);
             return Some(Flipped { node, tick, region, body, field: FIELDS[field].0, values });

@@ -1,4 +1,5 @@
-//! Runs a simulated cluster event by event: takes the next event in time, gives it to its process, and executes the outputs.
+//! Runs a simulated cluster event by event: takes the next event in time, gives it to its process, and
+//! carries out the outputs.
 
 use std::time::Duration;
 
@@ -18,11 +19,12 @@ use crate::protocol::{
 use crate::recording::{RecordedServer, digests_of, tick_of};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
-/// The most events at one instant; then a run is taken to turn in circles.
+/// The most events at one instant. With more, a run is taken to go in circles.
 const MOST_AT_ONCE: u32 = 100_000;
 
 impl Sim {
-    /// Executes the next event, if there is one by `until`; otherwise the time becomes `until`.
+    /// Executes the next event if there is one by `until`; otherwise the time becomes `until`. Returns
+    /// whether there was one.
     pub(super) fn step(&mut self, until: Duration) -> bool {
         let network = self.network.next_time();
         let host = self.hosts.iter().filter_map(|(&peer, host)| Some((host.wake()?, peer))).min();
@@ -53,7 +55,7 @@ impl Sim {
         }
     }
 
-    /// Hands a process an arrival, or keeps it until the process can look.
+    /// Hands a process an arrival, or keeps it until the process can handle it.
     pub(super) fn deliver(&mut self, delivery: Delivery) {
         let now = self.now;
         let Some(host) = self.hosts.get_mut(&delivery.to) else { return };
@@ -65,7 +67,7 @@ impl Sim {
         }
     }
 
-    /// Lets a process act by itself: it reads its mailbox, or looks at the time.
+    /// Lets a process act by itself: it reads its mailbox, or handles its timer.
     fn wake(&mut self, peer: Peer) {
         let now = self.now;
         let Some(host) = self.hosts.get_mut(&peer) else { return };
@@ -206,7 +208,8 @@ impl Sim {
         time
     }
 
-    /// Returns the tick that the world is at, by its leader's own clock: a fraction is the time since it was opened.
+    /// Returns the tick that the world is at, by its leader's own clock. The fraction is the time since the
+    /// tick was opened.
     pub fn world_tick(&self) -> Option<f64> {
         let (&id, (tick, opened, dt)) =
             self.nodes.iter().find_map(|(id, process)| Some((id, process.machine.opened()?)))?;
@@ -276,7 +279,7 @@ impl Sim {
         self.network.send(self.now, from, to, message.lane(), bytes);
     }
 
-    /// Notes that a member is told to complete its last tick, perhaps without others.
+    /// Notes that a member is told to complete its last tick, perhaps without other members.
     fn finishes(&mut self, to: Peer, survivors: &[NodeId]) {
         let Peer::Node(node) = to else { return };
         let Some(view) = self.nodes.get(&node).and_then(|process| process.machine.view()) else { return };
@@ -318,7 +321,7 @@ impl Sim {
                 }
                 ServerOutput::Expelled(node) => {
                     self.tally.evictions += 1;
-                    // A member that was alone is not parted from anybody.
+                    // A member that was alone is parted from nobody.
                     if self.company.get(&node).is_some_and(|&size| size > 1) {
                         self.expelled.push(node);
                     }
@@ -361,12 +364,12 @@ impl Sim {
         });
     }
 
-    /// Disturbs a node that has computed a tick, if it is to be, and records what it has computed.
+    /// Disturbs a node that has completed a tick, if that is asked for, and records what it has computed.
     fn computed(&mut self, id: NodeId, tick: Tick) {
         let local = self.local(Peer::Node(id));
         let Some(process) = self.nodes.get_mut(&id) else { return };
         if self.flip_at.is_some_and(|(node, from)| node == id && from <= tick) && self.flipped.is_none() {
-            // The run is otherwise as it would be without.
+            // Its own source of randomness leaves the rest of the run as it would be without.
             let mut random = Random::new(self.config.seed ^ tick.0);
             self.flipped = records::flip(&mut *process.physics, id, tick, &mut random);
         }
@@ -456,7 +459,7 @@ struct Witness {
 }
 
 impl Witness {
-    /// Notes the bodies of a checkpoint of a view that is not, or no longer, one of the server's.
+    /// Notes the bodies of a checkpoint whose view is not, or no longer, one of the server's.
     fn of(server: &Server, event: &ServerEvent) -> Option<Self> {
         let ServerEvent::Message { from: Peer::Node(node), message: Message::ToServer(message) } = event
         else {

@@ -1,35 +1,36 @@
-//! Classifies messages by purpose, so that bytes between groups can be told from those inside them.
+//! Classifies messages by purpose, so that bytes between groups can be told from bytes inside them.
 
 use crate::protocol::{Message, ToNode, ToServer};
 
 /// The purpose of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
-    /// Inter-group: state replication of bodies by way of the server, and which group is authoritative for them.
+    /// Messages between groups by way of the server: the states of bodies, and which group is authoritative
+    /// for them.
     BetweenGroups,
-    /// Members of a group keep their ticks in step.
+    /// Messages by which members of a group keep their ticks in step.
     InsideGroups,
-    /// Members whose regions are neighbours exchange their borders.
+    /// Border messages, which members exchange whose regions are neighbours.
     Borders,
-    /// Between nodes and the server, except inter-group messages: joining, views, checkpoints.
+    /// Messages between nodes and the server, except those between groups: joining, views, checkpoints.
     Server,
-    /// To and from clients.
+    /// Messages to and from clients.
     Clients,
-    /// Measures delays.
+    /// Messages that measure delays.
     Pings,
 }
 
-/// The number and bytes of messages sent.
+/// The number of messages sent, and their bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sent {
-    /// Messages.
+    /// The number of messages.
     pub messages: u64,
-    /// Their bytes.
+    /// The number of bytes in them.
     pub bytes: u64,
 }
 
 impl Scope {
-    /// Returns the purpose of this message.
+    /// Returns the purpose of a message.
     pub(super) fn of(message: &Message) -> Self {
         match message {
             Message::ToServer(ToServer::InterGroup { .. } | ToServer::Touched { .. })

@@ -1,4 +1,4 @@
-//! Runs many seeds of many profiles over the cores, and sums them up as rows of the fault table.
+//! Runs many seeds of many profiles on several cores, and sums them up as rows of the fault table.
 
 #[cfg(test)]
 mod tests;
@@ -25,11 +25,11 @@ const SHRINKING_RUNS: u32 = 40;
 pub struct Row {
     /// The fault profile.
     pub profile: FaultProfile,
-    /// How many seeds were run.
+    /// The number of seeds that were run.
     pub seeds: u64,
-    /// How many of them violated something.
+    /// The number of seeds that violated an invariant or promise.
     pub violations: u64,
-    /// How many of those only by what their bodies did.
+    /// The number of these that did so only by what their bodies did.
     pub strained: u64,
     /// The longest recovery.
     pub worst_recovery: Duration,
@@ -37,37 +37,37 @@ pub struct Row {
     pub worst_pause: Duration,
     /// The longest time that a group went back because nobody was left who had computed it.
     pub worst_rewind: Duration,
-    /// Age that 99 % of clients' states of their avatars did not exceed, milliseconds.
+    /// The age that 99 % of clients' states of their avatars did not exceed, milliseconds.
     pub staleness_ms: Option<u32>,
-    /// Sums over all seeds.
+    /// The counts of events, summed over all seeds.
     pub tally: Tally,
-    /// Sums over all seeds, but for the most that a queue held.
+    /// The statistics of the network, summed over all seeds. The most that a queue held is the maximum.
     pub traffic: Traffic,
-    /// Simulated time of all seeds.
+    /// The simulated time of all seeds.
     pub simulated: Duration,
-    /// The worst that bodies which touch did, as shares of their gates.
+    /// The worst that touching bodies did, as shares of their gates.
     pub strain: Strain,
-    /// The first failures by seed, with the smallest schedules that still fail.
+    /// The first failures by seed, with the smallest schedules found that still fail.
     pub failures: Vec<Failure>,
 }
 
 impl Row {
-    /// Returns whether all that the row promises holds.
+    /// Returns whether everything that the row promises holds.
     pub fn holds(&self) -> bool {
         self.violations == 0 && self.profile.promise().is_fresh(self.staleness_ms)
     }
 }
 
-/// A seed that violated something.
+/// A seed that violated an invariant or promise.
 #[derive(Clone, Debug)]
 pub struct Failure {
-    /// Which.
+    /// The seed.
     pub seed: u64,
-    /// What.
+    /// The violation.
     pub violation: Violation,
-    /// The faults that are needed for it, as far as shrinking found.
+    /// The faults that the violation needs, as far as shrinking found.
     pub schedule: Schedule,
-    /// The timeline of the run with these.
+    /// The timeline of the run with these faults.
     pub timeline: Timeline,
 }
 
@@ -81,7 +81,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// Runs all these seeds of a profile. `goes_on` is asked before each.
+/// Runs all these seeds of a profile, while `goes_on` returns true before each.
 pub fn simulate(
     config: &TrialConfig,
     profile: FaultProfile,
@@ -132,7 +132,7 @@ pub fn simulate(
 }
 
 impl Row {
-    /// Adds an outcome. Sums do not depend on the order, and of failures the first by seed are kept.
+    /// Adds an outcome. Sums do not depend on the order of outcomes. The first failures by seed are kept.
     fn add(&mut self, seed: u64, schedule: Schedule, outcome: Outcome) {
         self.seeds += 1;
         self.worst_recovery = self.worst_recovery.max(outcome.worst_recovery);
@@ -152,7 +152,7 @@ impl Row {
     }
 }
 
-/// Runs a seed and reports panics as violations.
+/// Runs a seed, and reports a panic as a violation.
 fn try_seed(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
     catch_unwind(AssertUnwindSafe(|| run_trial(config, profile, seed, schedule))).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -161,7 +161,8 @@ fn try_seed(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &S
     })
 }
 
-/// Shrinks a failing schedule by leaving faults out: one that still fails is kept, whatever the violation.
+/// Shrinks a failing schedule by leaving faults out. A smaller schedule that still fails is kept, whatever
+/// its violation.
 fn shrink(config: &TrialConfig, profile: FaultProfile, failure: &mut Failure) {
     let mut runs = 0;
     let mut size = failure.schedule.faults.len().div_ceil(2);

@@ -1,15 +1,17 @@
-//! Defines planted bugs of the hand-over, and of recovery: what a body that changes owner comes with is spoilt on its way.
+//! Defines planted bugs of transfers and of recovery, which spoil the state that a body brings to its new
+//! owner.
 
 use crate::protocol::{BodyState, Velocity};
 
-/// How a planted bug spoils what a body is handed over with.
+/// A planted bug that spoils the state with which a body is handed over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spoilt {
-    /// It comes without its velocity.
+    /// The body arrives without its velocity.
     Halted,
-    /// It comes as it was a tick before.
+    /// The body arrives as it was a tick before.
     Stale,
-    /// It comes well from its owner, but without its velocity from the server, as after a death.
+    /// The body arrives unspoilt from its owner, but without its velocity from the server, as after a node's
+    /// death.
     Recovered,
 }
 

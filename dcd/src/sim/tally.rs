@@ -1,17 +1,17 @@
 //! Counts the events of a run.
 
-/// Counts of events in a run.
+/// Counts of the events of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Bodies that changed owner between regions.
+    /// The number of transfers of bodies between regions of different nodes.
     pub transfers: u64,
-    /// Nodes that were told to go without having asked.
+    /// The number of nodes that were expelled.
     pub evictions: u64,
-    /// Views with another leader than the view before.
+    /// The number of views with another leader than the view before.
     pub elections: u64,
-    /// Views that began.
+    /// The number of views that began.
     pub views: u64,
-    /// Ticks that all members of a group have completed.
+    /// The number of ticks that all members of a group have completed.
     pub ticks: u64,
 }
 

@@ -42,7 +42,7 @@ fn a_calm_run_keeps_every_body_and_checks_every_tick() {
     assert!(sim.checker().checked() >= 300, "{} ticks checked", sim.checker().checked());
     assert_eq!(sim.checker().owned(), 40);
     for node in sim.nodes() {
-        // A message sent before a link was up is sent again when it is.
+        // A message that was sent before a link was up is sent again when it is.
         let counters = NodeCounters { stale: 0, ..node.counters() };
         assert_eq!(counters, NodeCounters::default(), "a calm network drops nothing");
         assert!(node.counters().stale <= 2 * 2);
@@ -67,7 +67,7 @@ fn all_nodes_take_the_rounds_that_one_of_them_wants() {
     let mut sim = running(9, 3);
     let mut taken = std::collections::BTreeSet::new();
     for tick in 6..200 {
-        // The checker compares what every node takes with what was wanted.
+        // The checker compares the rounds of every node with the rounds that were wanted.
         sim.run_to(Tick(tick)).unwrap();
         taken.extend(sim.rounds());
     }
@@ -106,7 +106,7 @@ fn a_node_killed_at_any_event_loses_and_doubles_nothing() {
         let before = sim.server().view().map(|view| view.members.len()).unwrap_or_default();
         sim.crash(Peer::Node(NodeId(1 + random.below(nodes.into()) as u32)));
         if before < nodes as usize {
-            // The world waits for as many nodes as it was to begin with.
+            // The world waits until it has as many nodes as it was to begin with.
             sim.start_node();
         }
         let target = Tick(sim.tick().0 + 40);
@@ -199,7 +199,7 @@ fn the_last_node_that_leaves_gives_the_world_back_to_the_record() {
     assert_eq!((at_rest, sim.states().len()), (40, 40));
 }
 
-/// Joins, leaves and deaths of nodes and clients in any order, several at a time.
+/// Lets nodes and clients join, leave and die in any order, several at a time.
 fn chaos(seed: u64) {
     let mut random = Random::new(seed);
     let mut sim = Sim::new(config(seed, 1 + random.below(3) as u32));
@@ -253,10 +253,11 @@ fn chaos(seed: u64) {
     for _ in 0..3 {
         sim.start_node();
     }
-    // Long enough for everything under way to be over; perhaps nobody computes at the moment.
+    // Long enough for everything under way to be over. Perhaps nobody computes at the moment.
     let target = Tick(sim.tick().max(sim.checker().last()).0 + 150);
     sim.run_to(target).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
-    // An input sent before the client was linked and welcomed may have been refused; those on record must be there.
+    // An input that was sent before the client was linked and welcomed may have been refused. Bodies on
+    // record must be there.
     let present = sim.server().record().present().count();
     assert_eq!(sim.checker().owned(), present, "seed {seed}:\n{}", sim.timeline());
 }
@@ -276,7 +277,7 @@ fn avatar(client: ClientId) -> BodyId {
     BodyId::avatar(client, 0)
 }
 
-/// A client with an avatar that has been driven somewhere.
+/// Starts a client with an avatar, and drives the avatar somewhere.
 fn playing(seed: u64) -> (Sim, ClientId) {
     let mut sim = running(seed, 3);
     let client = sim.start_client(None);
@@ -306,7 +307,7 @@ fn a_client_sees_its_avatar_go_where_it_drives_it() {
 fn an_avatar_returns_with_its_client_where_it_was() {
     for seed in 0..30 {
         let (mut sim, client) = playing(seed);
-        // Stop it first, so that "where it was" is a place.
+        // It is stopped first, so that its last place is known.
         sim.submit(
             client,
             ClientEvent::Input {
@@ -439,7 +440,8 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
     }
 }
 
-/// A cluster with two clients that each have an avatar, and little room for a reader that does not read.
+/// Starts a cluster with two clients that each have an avatar, and little room for a reader that does not
+/// read.
 fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     let bounds =
         Bounds { inbox_bytes: 8_192, queue_bytes: 65_536, client_queue_bytes: 8_192, ..Bounds::default() };
@@ -454,7 +456,8 @@ fn with_two_clients(seed: u64) -> (Sim, [ClientId; 2]) {
     (sim, clients)
 }
 
-/// Adds one more avatar, of which all are told; beside the others, so that a body does not touch all of them at once.
+/// Adds one more avatar, of which everybody is told. It is placed beside the others, so that a body does not
+/// touch all of them at once.
 fn chatter(sim: &mut Sim, client: ClientId, index: u32) {
     let body = sim_body(BodyId::avatar(client, index), [0.08 * f64::from(index), 4.0, 4.0]);
     sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
@@ -502,7 +505,7 @@ fn a_client_and_a_node_that_do_not_read_cost_no_more_than_their_bounds_and_the_o
         assert!(traffic.most_queued <= 65_536, "seed {seed}: {traffic:?}");
         assert_eq!(sim.server().view().map(|view| view.members.len()), Some(2), "seed {seed}");
         assert_eq!(sim.client(lively).bodies().count(), 240, "seed {seed}");
-        // Six seconds, less the three after which a process that keeps others waiting is let go.
+        // Six seconds, less the three after which a process that keeps others waiting is expelled.
         let made = sim.checker().last().0 - before.0;
         assert!(made > 3 * 60 - 30, "seed {seed}: {made}");
     }

@@ -1,4 +1,5 @@
-//! Runs one seed as a trial: a cluster with users, faults by schedule, a calm end, and conditions that must hold all the while.
+//! Runs one seed as a trial: a cluster with users, scheduled faults, a calm end, and conditions that must
+//! hold all the while.
 
 mod acts;
 mod groups;
@@ -18,61 +19,64 @@ use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, MAX_STATE_TICKS, SyncProtocol, Thresholds, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
 
-/// Longest time after the calm has begun until all is well.
+/// The longest time from the beginning of the calm until all is well.
 const CALM: Duration = Duration::from_secs(15);
-/// The same where groups depend on delay: a node that was parted from its group stays out for a minute, then votes are held every
-/// half minute.
+/// The same where groups depend on delay: a node that was parted from its group stays out for a minute, then
+/// votes are held every half minute.
 const CALM_APART: Duration = Duration::from_secs(150);
-/// Time for which it then has to stay well.
+/// The time for which all then has to stay well.
 const AFTERMATH: Duration = Duration::from_secs(3);
-/// Length from which on a time without ticks is noted.
+/// The length from which on a time without ticks is noted.
 const LONG_PAUSE: Duration = Duration::from_secs(1);
-/// How long a fault waits for its moment.
+/// The time that a fault waits for its moment.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Thresholds that make the nodes of one site a group, where there are several sites.
+/// The thresholds that make the nodes of one site a group, where there are several sites.
 const DELAYS: DelayThresholds =
     DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
-/// Speed of bodies along each axis there: a group's extrapolation of another's bodies still holds, except when they have just bounced.
+/// The speed of bodies along each axis with several sites: a group's extrapolation of another's bodies then
+/// holds, except just after a bounce.
 const SLOW_M_S: f64 = 2.0;
 /// How many times slower a slow node is.
 const SLOWER: f64 = 10.0;
-/// Time that a world of one node has besides: nobody goes on without that one until the server has given it up.
+/// The additional recovery time of a world of one node: no node goes on without it until the server has given
+/// it up.
 const ALONE: Duration = Duration::from_secs(5);
-/// By how much bodies that fly straight on may be off, metres and metres per second.
+/// The largest error of bodies that fly straight on, metres and metres per second.
 const ROUNDING: f64 = 1e-3;
-/// Ticks between comparisons of groups.
+/// The number of ticks between comparisons of groups.
 const SAMPLES: u64 = 3;
-/// Interval of checks of conditions that no event reports; out of step with ticks.
+/// The interval of checks of conditions that no event reports. It is out of step with ticks.
 const LOOK: Duration = Duration::from_millis(47);
 
 /// The cluster of a trial.
 #[derive(Clone, Copy, Debug)]
 pub struct TrialConfig {
-    /// Nodes at each site.
+    /// The number of nodes at each site.
     pub nodes: u32,
-    /// Clients at each site, with an avatar each. Where there are several sites, they are in one process with a node of theirs.
+    /// The number of clients at each site, with an avatar each. Where there are several sites, each client is
+    /// in one process with a node of its site.
     pub clients: u32,
-    /// Regions of the world.
+    /// The number of regions of the world.
     pub regions: usize,
-    /// Begins the cluster with its world: bodies that fly straight on, or a scene.
+    /// The function that begins the cluster with its world: bodies that fly straight on, or a scene.
     pub begin: fn(SimConfig) -> Sim,
-    /// Persistent bodies, where they fly straight on.
+    /// The number of persistent bodies, where they fly straight on.
     pub bodies: u32,
-    /// Ticks per second.
+    /// The number of ticks per second.
     pub rate: u32,
     /// How many ticks members may be apart; 0: they keep in step.
     pub lag_ticks: u32,
-    /// A bug to plant: so many transfers are lost after the third second.
+    /// A bug to plant: this number of transfers is lost after the third second.
     pub lost_transfers: u32,
     /// A bug to plant: every transfer is spoilt after the third second.
     pub spoilt: Option<Spoilt>,
     /// A bug to plant: a bit of a body is flipped after this tick, on one of the first nodes.
     pub flip: Option<Tick>,
-    /// Whether nodes are recorded.
+    /// Whether nodes and servers are recorded.
     pub record: bool,
     /// Whether two of three nodes are participants that are verified.
     pub verify: bool,
-    /// The clients that a leader tells itself; `None`: all.
+    /// The number of clients that a leader tells itself; `None`: all.
     pub relays_above: Option<u32>,
 }
 
@@ -96,10 +100,10 @@ impl Default for TrialConfig {
     }
 }
 
-/// Starts a cluster of bodies that fly straight on, and somebody who watches that they do.
+/// Starts a cluster of bodies that fly straight on, with a watch that they do.
 fn fly(config: SimConfig) -> Sim {
     let mut sim = Sim::new(config);
-    // What comes late, or is corrected by another group, does not fly straight.
+    // A body that comes late, or that another group corrects, does not fly straight.
     if sim.config.protocol.lag_ticks() == 0 && sim.config.thresholds.delay.is_none() {
         let bodies: Vec<_> = sim.server().record().present().cloned().collect();
         let room = sim_world(sim.config.regions).tree.bounds();
@@ -114,34 +118,35 @@ fn fly(config: SimConfig) -> Sim {
 pub struct Outcome {
     /// The violation, if any.
     pub violation: Option<Violation>,
-    /// The longest time from a fault, or its end, until the main group computed on in one membership of live nodes.
+    /// The longest time from a fault, or its end, until the main group computed on in one membership of live
+    /// nodes. With several sites, every group with a live member must.
     pub worst_recovery: Duration,
-    /// The longest time in which the main group completed no tick.
+    /// The longest time in which no group completed a tick.
     pub worst_pause: Duration,
     /// The longest time that a group went back because nobody was left who had computed it.
     pub worst_rewind: Duration,
-    /// Counts of events.
+    /// The counts of events.
     pub tally: Tally,
-    /// Statistics of the network.
+    /// The statistics of the network.
     pub traffic: Traffic,
-    /// Simulated time.
+    /// The simulated time.
     pub time: Duration,
-    /// The worst that bodies which touch did, as shares of their gates.
+    /// The worst that touching bodies did, as shares of their gates.
     pub strain: Strain,
-    /// Ages of what clients saw of their avatars, milliseconds.
+    /// The ages of what clients saw of their avatars, milliseconds.
     pub staleness: Staleness,
     /// The timeline, for people.
     pub timeline: Timeline,
-    /// The bit that was flipped, if one was to be and its node came so far.
+    /// The bit that was flipped, if one was to be and its node got that far.
     pub flipped: Option<Flipped>,
-    /// Ticks of participants that were computed once more and found right, by nodes that live.
+    /// The number of participants' ticks that were computed once more and found right, by nodes that live.
     pub verified: u64,
-    /// The recordings of all nodes and servers by their names, those that died too.
+    /// The recordings of all nodes and servers by their names, including those that died.
     pub tapes: BTreeMap<String, Tape>,
 }
 
 impl Outcome {
-    /// Returns the outcome of a run that ended by a panic: nothing else is known of it.
+    /// Returns the outcome of a run that ended in a panic. Nothing else is known of it.
     pub(super) fn panicked(text: &str) -> Self {
         Self {
             violation: Some(Violation::Panicked(text.into())),
@@ -161,7 +166,7 @@ impl Outcome {
     }
 }
 
-/// Runs one seed of a profile with a schedule.
+/// Runs one seed of a profile with this schedule.
 pub fn run_trial(config: &TrialConfig, profile: FaultProfile, seed: u64, schedule: &Schedule) -> Outcome {
     let mut trial = Trial::new(config, profile.promise(), seed, schedule);
     let violation = trial.run().err();
@@ -177,15 +182,15 @@ enum Action {
     Begin(Peer),
     Resume(Peer),
     Hasten(Peer),
-    /// A cut is over; whether it kept the world waiting.
+    /// A cut is over. The value is whether it kept the world waiting.
     Healed(bool),
-    /// The server dies now if it has not died after storing a durable output.
+    /// The server dies now, unless it has died already after storing a durable output.
     Doom,
-    /// There are to be so many nodes.
+    /// There are to be this number of nodes.
     Populate(u32),
     /// The server's program saves the world.
     Save,
-    /// It goes back to what was saved last.
+    /// The server's program goes back to what was saved last.
     Restore,
     /// The user of a client does something.
     Use(ClientId),
@@ -199,7 +204,7 @@ enum Action {
 struct Armed {
     planned: Planned,
     until: Duration,
-    /// Events still to come, once the moment has begun.
+    /// The number of events still to come, once the moment has begun.
     left: Option<u32>,
 }
 
@@ -213,34 +218,35 @@ struct Trial<'a> {
     armed: Vec<Armed>,
     transfers: u64,
     checked: u64,
-    /// Cuts, stops and the like that last, because of which recovery is not expected yet.
+    /// The number of cuts, stops and the like that last, because of which recovery is not expected yet.
     hindered: u32,
-    /// Time since when recovery is waited for.
+    /// The time since when recovery is waited for.
     watch: Option<Duration>,
     worst_recovery: Duration,
     worst_pause: Duration,
     progressed_at: Duration,
     clients: Vec<ClientId>,
-    /// Clients that have asked for their avatar, and where they last asked it to go.
+    /// The clients that have asked for their avatar, and when and how each last asked it to move.
     spawned: BTreeSet<ClientId>,
     inputs: BTreeMap<ClientId, (Duration, Velocity)>,
-    /// The server is to die at its next durable output; when it is to be back.
+    /// When the server is to be back, if it is to die at its next durable output.
     doomed: Option<Duration>,
-    /// Nodes that are to begin.
+    /// How many nodes are still to begin.
     expected_nodes: u32,
     /// How many nodes there are to be, unless the configuration says it.
     population: Option<u32>,
-    /// A slow node, and how much of its share at full speed it owned of late.
+    /// A slow node, and how much of an equal share of the bodies it owned of late.
     slow_node: Option<(NodeId, f64)>,
     calm_since: Option<Duration>,
     healed_at: Option<Duration>,
     staleness: Staleness,
     settled_at: BTreeMap<Tick, Duration>,
     apart: BTreeMap<(NodeId, NodeId), Duration>,
-    /// How many sites there are, and with several how far their groups are apart.
+    /// The number of sites, and for several sites what compares their groups.
     sites: u32,
     comparer: Comparer,
-    /// When a body was last near enough to its place in the authoritative group, and when a leader last knew which group that is.
+    /// When each body was last near enough to its place in the authoritative group, and when each leader last
+    /// knew which group that is.
     agreed_at: Lately,
     known_at: Lately,
 }
@@ -250,7 +256,8 @@ impl<'a> Trial<'a> {
         let is_alone = config.nodes == 1 && schedule.sites == 1;
         let recovery = promise.recovery + if is_alone { ALONE } else { Duration::ZERO };
         let promise = Promise { recovery, ..promise };
-        // 100 ms are three ticks of half the rate of a real world, or a sixth of what it does.
+        // States are told every 100 ms: with every third tick at half the rate of a real world, a sixth as
+        // often as that has ticks. Where ages are measured, they are told with every tick.
         let (rate, state_every) = match schedule.rate {
             Some(rate) => (rate, 1),
             None => (config.rate, (config.rate / 10).clamp(1, MAX_STATE_TICKS)),
@@ -470,13 +477,13 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Notes that something has gone wrong, or has ceased to: recovery is waited for from now on.
+    /// Notes that something has gone wrong, or has ceased to. Recovery is waited for from now on.
     fn disturbed(&mut self) {
         self.watch = Some(self.sim.now);
     }
 }
 
-/// Returns the bounds of queues where no link is to break: some seconds of what such small worlds say.
+/// Returns the bounds of queues where no link may break: some seconds of what such small worlds send.
 fn narrow() -> Bounds {
     const MOST: usize = 1 << 16;
     Bounds { inbox_bytes: MOST, queue_bytes: MOST, client_queue_bytes: MOST, ..Bounds::default() }
@@ -487,7 +494,7 @@ fn calm() -> NetworkConditions {
     NetworkConditions::calm(Path::up_to(2_000))
 }
 
-/// Processes that cannot all be reached from one another.
+/// The processes on one side of a cut, or the two that are cut off from one another.
 type Island = BTreeSet<Peer>;
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Watches what the bodies of a trial do: that they stand, hold together, overlap no more, and get no energy or momentum from
-//! nowhere, measured by gates that come of one undisturbed world.
+//! Watches what the bodies of a trial do: whether they stand, hold together, overlap no more than before, and
+//! get no energy or momentum from nowhere. Gates bound these quantities; they come from an undisturbed world.
 
 mod course;
 mod ruler;
@@ -17,40 +17,41 @@ pub use ruler::{Quantity, Ruler, Strain};
 /// The bodies of a world after a tick.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
-    /// Where each is and how it moves.
+    /// The state of each body.
     pub bodies: BTreeMap<BodyId, BodyState>,
-    /// Energy and contacts of all together.
+    /// The energy and contacts of all bodies together.
     pub mechanics: Mechanics,
 }
 
-/// Combines the samples of a group's members into looks, and holds these against the gates.
+/// A collector that combines the samples of a group's members into looks, and compares these with the gates.
 #[derive(Clone, Debug)]
 pub struct Watch {
     ruler: Ruler,
     gates: Strain,
     groups: BTreeMap<GroupId, Watched>,
     is_calm: bool,
-    /// Whether there have ever been several groups at a time: they correct one another's bodies, whose velocities then are no more what they were.
+    /// Whether there have ever been several groups at a time. Groups correct one another's bodies, whose
+    /// velocities then change.
     is_corrected: bool,
     /// The worst of each quantity so far, as a share of its gate.
     worst: Strain,
 }
 
-/// A group that has completed no tick for so long is no more.
+/// The time without a tick after which a group is gone.
 const GONE: Duration = Duration::from_secs(2);
 
-/// What is known of a group: its newest view, when it last completed a tick, and the way of its bodies through all.
+/// What is known of a group: its newest view, when it last completed a tick, and the course of its bodies.
 #[derive(Clone, Debug, Default)]
 struct Watched {
     view: ViewNumber,
     heard: Duration,
-    /// Ticks that some members have not completed yet, and how many have.
+    /// The ticks that some members have not completed yet, each with the number of members that have.
     open: BTreeMap<Tick, (usize, Look)>,
     course: Course,
 }
 
 impl Watch {
-    /// Creates a watch with a ruler, and the most that each quantity may be.
+    /// Creates a watch with a ruler, and the largest allowed value of each quantity.
     pub fn new(ruler: Ruler, gates: Strain) -> Self {
         Self {
             ruler,
@@ -62,7 +63,8 @@ impl Watch {
         }
     }
 
-    /// Says whether all is well: only then bodies have to be where they belong. What moves them is checked at all times.
+    /// Sets whether all is well. Only then must bodies be where they belong. What moves them is checked at
+    /// all times.
     pub(super) fn set_calm(&mut self, is_calm: bool) {
         self.is_calm = is_calm;
     }
@@ -72,10 +74,12 @@ impl Watch {
         self.worst
     }
 
-    /// Takes what a node holds after a tick; checks the world when it is the last of its group to have completed that.
+    /// Takes in what a node holds after a tick. Checks the world when this is the last member of the group to
+    /// complete the tick.
     pub(super) fn settled(&mut self, sample: Sample) -> Result<(), Violation> {
         let (view, tick, members, group) = (sample.view, sample.tick, sample.members, sample.group);
-        // Each of several groups computes the world by itself and corrects its bodies by what it hears of the others'.
+        // Each of several groups computes the world by itself, and corrects its bodies by what it hears of
+        // the others' bodies.
         let is_one =
             self.groups.iter().all(|(&other, watched)| other == group || watched.heard + GONE < sample.time);
         self.is_corrected |= !is_one;
@@ -84,7 +88,7 @@ impl Watch {
             return Ok(());
         }
         if view > watched.view {
-            // What was recovered may be older than what was not.
+            // A recovered state may be older than the others.
             watched.course.interrupt();
             watched.open.clear();
             watched.view = view;
@@ -116,7 +120,7 @@ impl Watch {
     fn check(&mut self, tick: Tick, found: Strain) -> Result<(), Violation> {
         let shares = found.shares_of(&self.gates);
         self.worst = self.worst.or_worse(shares);
-        // What is no number is not within its gate.
+        // A value that is no number is beyond its gate.
         let is_beyond = |quantity: &Quantity| shares.of(*quantity).is_nan() || shares.of(*quantity) > 1.0;
         match Quantity::ALL.into_iter().find(is_beyond) {
             Some(quantity) => {

@@ -1,4 +1,5 @@
-//! Builds a cluster in virtual time: processes with hosts and machines, the network between them, and the checker that looks on.
+//! Builds a cluster in virtual time: processes with hosts and machines, the network between them, and the
+//! checker that watches them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -29,9 +30,9 @@ pub(super) struct NodeProcess {
     pub(super) machine: Node,
     pub(super) physics: Box<dyn Engine>,
     pub(super) recorder: Option<Recorder>,
-    /// When its last answer comes: it does one thing after the other.
+    /// When the last answer of the physics comes. The physics does one thing after the other.
     pub(super) physics_until: Duration,
-    /// The same of what it computes once more, each by itself.
+    /// The same for each run that computes other members' work once more. Runs do not wait for one another.
     pub(super) verified_until: BTreeMap<u64, Duration>,
     /// The client in the same process.
     pub(super) client: Option<ClientId>,
@@ -45,58 +46,58 @@ pub struct Sim {
     pub(super) random: Random,
     pub(super) network: Network,
     pub(super) hosts: BTreeMap<Peer, Host>,
-    /// `None` while it is dead.
+    /// The server; `None` while it is dead.
     pub(super) server: Option<RecordedServer>,
     pub(super) disk: MemoryDirectory,
     pub(super) nodes: BTreeMap<NodeId, NodeProcess>,
     pub(super) clients: BTreeMap<ClientId, Client>,
-    /// Those whose certificates let them build.
+    /// The clients whose certificates let them build.
     pub(super) builders: BTreeSet<ClientId>,
     pub(super) checker: Checker,
     pub(super) violation: Option<Violation>,
     pub(super) events: u64,
-    /// Events at this instant.
+    /// The number of events at this instant.
     pub(super) at_once: u32,
     pub(super) tally: Tally,
     pub(super) timeline: Timeline,
-    /// Leaders of the newest views that the server began.
+    /// The leader of each group's newest view that the server began.
     pub(super) leaders: BTreeMap<GroupId, NodeId>,
-    /// How many members a node computed with last, itself included.
+    /// The number of members with which each node computed last, itself included.
     pub(super) company: BTreeMap<NodeId, usize>,
-    /// Nodes without which the server let a group go on.
+    /// The nodes that were expelled from a group of several members.
     pub(super) expelled: Vec<NodeId>,
     /// What leaders have found out about participants that were verified.
     pub(super) findings: Vec<(NodeId, Tick, Finding)>,
     /// When a tick of each group was last checked.
     pub(super) checked_at: BTreeMap<GroupId, Duration>,
-    /// The server dies after so many outputs, counted from its next durable batch on.
+    /// The number of outputs after which the server dies, counted from its next durable batch on.
     pub(super) crash_after_store: Option<u32>,
     pub(super) has_stored: bool,
-    /// Whether that has happened.
+    /// Whether the server has died of that.
     pub(super) server_crashed: bool,
     /// What the server's program saved last.
     pub(super) saved: Option<Box<SavedWorld>>,
-    /// A node that takes so many times as long as the others.
+    /// The node that takes longer than the others, and how many times as long.
     pub(super) slow_node: Option<(NodeId, f64)>,
-    /// How many times longer it takes to compute once more what others compute.
+    /// How many times longer it takes to compute other members' work once more.
     pub(super) slow_verifier: f64,
-    /// Bugs to plant: transfers still to be dropped, and how all others are spoilt.
+    /// Bugs to plant: the number of transfers still to be dropped, and how all others are spoilt.
     pub(super) drop_transfers: u32,
     pub(super) spoilt: Option<Spoilt>,
-    /// Who tells whom that its bodies are faster than they are.
+    /// The node that claims that its bodies are faster than they are, and the node that it tells so.
     pub(super) liar: Option<(NodeId, NodeId)>,
-    /// Who watches what bodies do, where they touch.
+    /// The watch over what bodies do, if there is one.
     pub(super) watch: Option<Watch>,
-    /// Outputs to clients, for tests.
+    /// The outputs of clients' machines for their users, for tests.
     pub(super) told: Vec<(ClientId, ClientOutput)>,
-    /// Messages sent, by purpose.
+    /// The messages sent, by purpose.
     pub(super) sent: BTreeMap<Scope, Sent>,
-    /// Recordings of nodes, dead ones too.
+    /// The recordings of nodes and servers by name, including those that died.
     pub(super) tapes: BTreeMap<String, Tape>,
-    /// After which tick a bit is flipped on which node, and what that was.
+    /// The node on which a bit is to be flipped and the tick after which, and the bit that was flipped.
     pub(super) flip_at: Option<(NodeId, Tick)>,
     pub(super) flipped: Option<Flipped>,
-    /// Ticks between samples, and those not taken yet.
+    /// The number of ticks between samples, and the samples that were not taken yet.
     pub(super) sample_every: Option<u64>,
     pub(super) samples: Vec<Sample>,
     engine: fn() -> Box<dyn Engine>,
@@ -106,7 +107,7 @@ pub struct Sim {
 }
 
 impl Sim {
-    /// Creates a server with a world, and its nodes about to join.
+    /// Creates a server with a world of bodies that fly straight on, and nodes that are about to join.
     pub fn new(config: SimConfig) -> Self {
         let mut random = Random::new(config.seed);
         let bodies: Vec<_> = (0..config.bodies)
@@ -118,8 +119,8 @@ impl Sim {
         Self::start(config, world, record, || Box::<StandIn>::default(), random)
     }
 
-    /// Creates a cluster with another world and another physics; of the configuration `regions`, `bodies`, their
-    /// speed and `dt_s` do not count.
+    /// Creates a cluster with another world and another physics. The fields `regions`, `bodies`, `speed_m_s`
+    /// and `dt_s` of the configuration do not count.
     pub fn with_world(
         config: SimConfig,
         world: EnvironmentProperties,
@@ -210,12 +211,13 @@ impl Sim {
         sim
     }
 
-    /// Starts a further node, which joins.
+    /// Starts one more node, which joins.
     pub fn start_node(&mut self) -> NodeId {
         self.start_process(None)
     }
 
-    /// Starts a client and a node in one process (the thesis's normal participant); with an id, a client that was there before.
+    /// Starts a client and a node in one process (the thesis's normal participant). With an id, the client is
+    /// one that was there before.
     pub fn start_participant(&mut self, again: Option<ClientId>) -> (NodeId, ClientId) {
         let client = again.unwrap_or_else(|| self.new_client_id());
         let node = self.start_process(Some(client));
@@ -256,13 +258,13 @@ impl Sim {
         id
     }
 
-    /// Starts a client, which joins; with an id, one that was there before.
+    /// Starts a client, which joins. With an id, it is one that was there before.
     pub fn start_client(&mut self, again: Option<ClientId>) -> ClientId {
         let id = again.unwrap_or_else(|| self.new_client_id());
         self.start_client_near(id, None)
     }
 
-    /// Starts a client that wants to be told of the world's part in an area.
+    /// Starts a client that wants to be told only of the world's part in an area.
     pub fn start_client_in(&mut self, area: Area) -> ClientId {
         let id = self.new_client_id();
         self.start_client_near(id, Some(area))
@@ -287,7 +289,7 @@ impl Sim {
         self.last_client
     }
 
-    /// Starts a process with a clock of its own; a veteran began some time before the simulation.
+    /// Starts a process with a clock of its own. A veteran's clock began some time before the simulation.
     fn host(&mut self, who: Peer, veteran: bool) {
         let clock = match self.config.skew {
             None => Clock::new(Duration::ZERO, Duration::ZERO, 0),
@@ -301,12 +303,12 @@ impl Sim {
         self.network.start(self.now, who);
     }
 
-    /// Flips a bit of a body on a node, once it has completed this tick, or the first one after it.
+    /// Flips a bit of a body on a node once it has completed this tick or a later one.
     pub fn flip(&mut self, node: NodeId, tick: Tick) {
         self.flip_at = Some((node, tick));
     }
 
-    /// Returns the bit that was flipped.
+    /// Returns the bit that was flipped, if any.
     pub fn flipped(&self) -> Option<&Flipped> {
         self.flipped.as_ref()
     }
@@ -326,7 +328,7 @@ impl Sim {
         self.end(peer);
     }
 
-    /// Ends a process, and those that share it.
+    /// Ends a process. With a node, the client in its process ends too.
     pub(super) fn end(&mut self, peer: Peer) {
         match peer {
             Peer::Node(node) => {
@@ -342,7 +344,7 @@ impl Sim {
             }
             Peer::Server => {
                 self.server = None;
-                // Of what need not last, the first few batches do.
+                // Of the batches that are not durable, the first few are kept.
                 let mut kept = self.random.below(self.disk.unsynced() as u64 + 1);
                 self.disk.crash(|_| {
                     let is_kept = kept > 0;
@@ -355,8 +357,8 @@ impl Sim {
         self.network.crash(self.now, peer);
     }
 
-    /// Kills the server once it has stored a durable output, and has executed so many of the outputs that
-    /// follow from it.
+    /// Kills the server once it has stored a durable output and has executed this many of the outputs that
+    /// follow. With 0, kills it at its next output.
     pub fn crash_after_store(&mut self, outputs: u32) {
         self.crash_after_store = Some(outputs);
     }
@@ -364,7 +366,7 @@ impl Sim {
     /// Restarts the server from its record.
     ///
     /// # Panics
-    /// When it lives, or cannot go on from that.
+    /// When the server lives, or cannot go on from its record.
     pub fn restart_server(&mut self) {
         assert!(self.server.is_none(), "the server lives");
         self.note(|| "the server starts again".into());
@@ -413,7 +415,7 @@ impl Sim {
         }
     }
 
-    /// Slows a process: from now on every event costs it so much time.
+    /// Slows a process: from now on every event costs it this time.
     pub fn slow(&mut self, peer: Peer, cost: Duration) {
         self.note(|| format!("{} takes {} us an event", name(peer), cost.as_micros()));
         if let Some(host) = self.hosts.get_mut(&peer) {
@@ -421,7 +423,7 @@ impl Sim {
         }
     }
 
-    /// Makes a node take so many times as long as the others from now on, for whatever it computes.
+    /// Makes a node take this many times as long as the others from now on, for whatever it computes.
     pub fn slow_down(&mut self, node: NodeId, times: f64) {
         self.note(|| format!("{node} is {times} times slower"));
         self.slow_node = Some((node, times));
@@ -449,7 +451,7 @@ impl Sim {
         }
     }
 
-    /// Breaks the link between two processes; both live, and can call each other.
+    /// Breaks the link between two processes. Both live, and can call each other.
     pub fn break_link(&mut self, a: Peer, b: Peer) {
         self.network.break_link(a, b);
         self.deliver_all();
@@ -469,12 +471,12 @@ impl Sim {
         self.server_event(event);
     }
 
-    /// Returns what the server's program saved last.
+    /// Returns what the server's program saved last, if anything.
     pub fn saved(&self) -> Option<&SavedWorld> {
         self.saved.as_deref()
     }
 
-    /// Submits a user's input.
+    /// Submits a user's input to a client.
     pub fn submit(&mut self, client: ClientId, input: ClientEvent) {
         self.client_event(client, input);
     }
@@ -489,15 +491,15 @@ impl Sim {
         self.spoilt = Some(how);
     }
 
-    /// Lets somebody watch what bodies do from now on.
+    /// Watches what bodies do from now on.
     pub fn watch(&mut self, watch: Watch) {
         self.watch = Some(watch);
     }
 
-    /// Runs events until the condition holds; `Err` on a violation of the invariant.
+    /// Runs events until the condition holds. Returns the violation if an invariant is violated before.
     ///
     /// # Panics
-    /// When it does not hold after 60 simulated seconds: the cluster is stuck.
+    /// When the condition does not hold after 60 simulated seconds: the cluster is stuck.
     pub fn run_until(&mut self, mut holds: impl FnMut(&Self) -> bool) -> Result<(), Violation> {
         let deadline = self.now + Duration::from_secs(60);
         while !holds(self) {
@@ -530,7 +532,7 @@ impl Sim {
         self.run_until(|sim| sim.events >= target)
     }
 
-    /// Runs for a time.
+    /// Runs for this time.
     pub fn run_for(&mut self, time: Duration) -> Result<(), Violation> {
         let end = self.now + time;
         while self.step(end) {
@@ -554,7 +556,7 @@ impl Sim {
     /// Returns the server.
     ///
     /// # Panics
-    /// While it is dead.
+    /// While the server is dead.
     pub fn server(&self) -> &Server {
         self.server.as_ref().expect("the server lives")
     }
@@ -584,7 +586,7 @@ impl Sim {
         &self.checker
     }
 
-    /// Returns the outputs to clients.
+    /// Returns the outputs of clients' machines for their users.
     pub fn told(&self) -> &[(ClientId, ClientOutput)] {
         &self.told
     }
@@ -599,12 +601,12 @@ impl Sim {
         self.network.traffic()
     }
 
-    /// Returns the messages sent, by purpose; lost ones count.
+    /// Returns the messages sent, by purpose, including those that were lost.
     pub fn sent(&self) -> &BTreeMap<Scope, Sent> {
         &self.sent
     }
 
-    /// Samples every node after each of so many ticks from now on.
+    /// Samples every node after every tick from now on that is a multiple of `ticks`.
     pub fn sample_every(&mut self, ticks: u64) {
         self.sample_every = Some(ticks);
     }
@@ -614,7 +616,7 @@ impl Sim {
         std::mem::take(&mut self.samples)
     }
 
-    /// Returns the timeline, for people.
+    /// Returns the timeline of events, for people.
     pub fn timeline(&self) -> &Timeline {
         &self.timeline
     }
@@ -640,7 +642,7 @@ impl Sim {
     }
 }
 
-/// Begins a server, recorded to a tape of its own if it is to be.
+/// Begins a server. If it is to be recorded, it has a tape of its own.
 fn begin_server(
     tapes: &mut BTreeMap<String, Tape>,
     is_recorded: bool,

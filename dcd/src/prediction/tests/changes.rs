@@ -1,4 +1,4 @@
-//! Tests that what is gone, or is another now, is predicted so: bodies, joints and scenery.
+//! Tests that predictions follow bodies, joints and scenery that are removed or changed.
 
 use super::*;
 use crate::protocol::Alteration;
@@ -7,7 +7,8 @@ const CRATE: BodyId = BodyId::persistent(0);
 const WALL: BodyId = BodyId::persistent(1);
 const ROPE: JointId = JointId(7);
 
-/// A game whose avatar is a dynamic box, which what is in its way stops; without friction it goes as fast as it is asked to.
+/// Creates a game whose avatar is a dynamic box, so that obstacles stop it. Without friction it moves as fast
+/// as it is asked to.
 fn sliding(describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>)) -> Game {
     let smooth = cube(0.5).map(|it| it.friction(0.0).friction_combine_rule(CoefficientCombineRule::Min));
     let avatar = RigidBodyBuilder::dynamic().lock_rotations();
@@ -16,14 +17,14 @@ fn sliding(describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<Joi
     game
 }
 
-/// A box that the avatar cannot move.
+/// Describes a box that the avatar cannot move.
 fn heavy_box(shapes: &mut ShapeLibrary, x: f64) -> BodyRecord {
     let body = RigidBodyBuilder::dynamic().build();
     let collider = [ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1e3)];
     shapes.describe(CRATE, WorldPose::at([x, 1.0, 0.0]), &body, &collider).unwrap()
 }
 
-/// A wall in the avatar's way.
+/// Describes a wall in the avatar's way.
 fn wall(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     let body = RigidBodyBuilder::fixed().build();
     let collider = [ColliderBuilder::cuboid(0.2, 2.0, 5.0)];
@@ -31,7 +32,7 @@ fn wall(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     (vec![wall], Vec::new())
 }
 
-/// A heavy box 2 m behind the avatar, and a rope of 2.2 m to it.
+/// Describes a heavy box 2 m behind the avatar, and a rope of 2.2 m to it.
 fn tied(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     (vec![heavy_box(shapes, -6.0)], vec![rope(2.2)])
 }
@@ -41,7 +42,7 @@ fn rope(length_m: f32) -> JointRecord {
 }
 
 impl Game {
-    /// Has the server tell the client something, and gives that the time to be noticed.
+    /// Lets the server tell the client something, and gives the client time to notice.
     fn tell(&mut self, message: ToClient) {
         let now = Duration::from_secs_f64((self.world.tick().0 as f64 + 0.4) * DT_S);
         let message = Message::ToClient(ME, message);
@@ -49,7 +50,8 @@ impl Game {
         self.play(30, |_| Some(0.0));
     }
 
-    /// Walks to the right for two seconds; returns how far it came, and how far it was predicted from where it came to be, at worst.
+    /// Walks to the right for two seconds. Returns how far the avatar came, and its largest prediction error,
+    /// metres.
     fn walk(&mut self) -> (f64, f64) {
         let x = |game: &Self| game.truth[&game.world.tick().0];
         let from = x(self);
@@ -58,21 +60,21 @@ impl Game {
         (x(self) - from, self.worst_m())
     }
 
-    /// Walks; nothing holds it back, and nothing is predicted to: it is within so many metres of where it was predicted to be.
+    /// Walks, and checks that nothing holds the avatar back, and that it is predicted within so many metres.
     fn walks_freely(&mut self, within_m: f64) {
         let (way_m, off_m) = self.walk();
         assert!(way_m > 3.0, "it came {way_m} m far");
         assert!(off_m < within_m, "{off_m} m off");
     }
 
-    /// Walks, and is stopped within so many metres.
+    /// Walks, and checks that the avatar is stopped within so many metres.
     fn is_stopped(&mut self, within_m: f64) {
         let (way_m, off_m) = self.walk();
         assert!(way_m < within_m, "it came {way_m} m far");
         assert!(off_m < 0.05, "{off_m} m off");
     }
 
-    /// The small world holds what is predicted, and nothing beside.
+    /// Checks that the small world holds what is predicted, and nothing else.
     fn holds_what_is_near(&self) {
         let predictor = &self.predictor;
         assert!(predictor.host.held_bodies().iter().eq(predictor.near.keys()));
@@ -98,7 +100,7 @@ fn what_was_removed_stands_in_nobodys_way() {
     let ahead = |shapes: &mut ShapeLibrary| (vec![heavy_box(shapes, -2.5)], Vec::new());
     sliding(ahead).is_stopped(1.0);
     let mut game = sliding(ahead);
-    // An input that is late is put right by going back, also to ticks before the body goes.
+    // A late input is corrected by going back, also to ticks before the body is removed.
     game.play(1, |_| Some(0.5));
     game.to_world.iter_mut().for_each(|(at, _)| *at += 15);
     game.play(13, |_| None);
@@ -106,11 +108,11 @@ fn what_was_removed_stands_in_nobodys_way() {
     let replays = game.predictor.stats().replays;
     game.tell(ToClient::Removed(CRATE));
     assert!(game.predictor.stats().replays > replays + 3, "it goes back");
-    // States that are this near are as told.
+    // States that are this near count as told.
     game.walks_freely(2.0 * LIKE_M);
 }
 
-/// Posts along the first part of the way, which are left behind.
+/// The avatar leaves behind the posts along the first part of its way.
 #[test]
 fn the_small_world_does_not_grow_with_the_way() {
     let mut game = Game::of(6, |shapes| {
@@ -121,7 +123,7 @@ fn the_small_world_does_not_grow_with_the_way() {
     });
     for i in 0..480 {
         game.play(1, |_| Some(if i / 10 % 2 == 0 { 5.0 } else { 4.0 }));
-        // It is put right again and again by going back.
+        // Late inputs are corrected by going back again and again.
         if let Some((at, _)) = game.to_world.back_mut().filter(|_| i % 30 == 0) {
             *at += 15;
         }

@@ -41,7 +41,7 @@ fn an_input_that_is_refused_is_predicted_no_more() {
     let rejected = ToClient::Rejected { body: Some(AVATAR), reason: Refusal::TooFast };
     game.to_client.push_back((game.arrival(game.world.tick().0, None) + game.delay, rejected));
     for _ in 0..40 {
-        // It never acts, however often it is said.
+        // The input never acts, however often it is sent.
         game.to_world.clear();
         game.waiting.clear();
         game.play(1, |_| None);

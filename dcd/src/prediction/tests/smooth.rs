@@ -1,21 +1,22 @@
-//! Tests that nothing shown goes back in time, or is accelerated much harder than the world accelerates it.
+//! Tests that nothing is shown going back in time, or accelerating much harder than in the world.
 
 use super::*;
 
-/// What is shown may be accelerated as hard as the body itself within so many ticks of the one shown: impacts are learned of late.
+/// What is shown may accelerate as hard as the body does within so many ticks of the one shown: impacts are
+/// learned of late.
 const WINDOW_TICKS: u64 = 30;
 
-/// By so much more it may be accelerated in any frame, and in all frames but one of a hundred, m/s²: gravity, or some millimetres within a
-/// frame. A jump of 2 cm is 72 m/s².
+/// How much harder it may accelerate in any frame, and in all frames but one of a hundred, m/s²: as by
+/// gravity, or by some millimetres within a frame. A jump of 2 cm is 72 m/s².
 const MOST_M_S2: f64 = 40.0;
 const USUAL_M_S2: f64 = 12.0;
 
 type Place = [f64; 3];
 
-/// What was shown frame by frame, and what was so.
+/// What was shown frame by frame, and what was true.
 struct Film {
     game: Game,
-    /// The tick that a body was shown at, and where.
+    /// The ticks at which each body was shown, and where.
     shown: BTreeMap<BodyId, Vec<(f64, Place)>>,
     truth: BTreeMap<BodyId, BTreeMap<u64, Place>>,
 }
@@ -36,7 +37,7 @@ impl Film {
             let before = self.game.time;
             self.game.frame(ask(i));
             let (time, predictor, client) = (self.game.time, &self.game.predictor, &self.game.client);
-            // Before anything is told there is no time.
+            // Before anything is told, there is no time.
             let goes_on = time.shown >= before.shown && time.predicted >= before.predicted;
             assert!(goes_on || before.now == 0.0, "from {before:?} back to {time:?}");
             for id in self.truth.keys() {
@@ -50,7 +51,8 @@ impl Film {
         }
     }
 
-    /// Returns the accelerations that are shown beyond the hardest true one of about that time, m/s², in order; from this frame on.
+    /// Returns by how much the shown accelerations exceed the hardest true one of about that time, m/s²,
+    /// sorted, from the frame `from` on.
     fn excess_m_s2(&self, from: usize) -> Vec<f64> {
         let mut excess = Vec::new();
         for (id, shown) in &self.shown {
@@ -74,13 +76,13 @@ impl Film {
     }
 }
 
-/// Returns the acceleration that makes the way of one tick the way of a later one within one tick.
+/// Returns the acceleration that turns the movement of one tick into that of a later tick within one tick.
 fn acceleration(before: [Place; 2], after: [Place; 2]) -> f64 {
     let gained = |i: usize| (after[1][i] - after[0][i]) - (before[1][i] - before[0][i]);
     (0..3).map(|i| (gained(i) / (DT_S * DT_S)).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A stack near the avatar, and balls that bounce and roll beyond what is predicted.
+/// Describes a stack near the avatar, and balls that bounce and roll beyond what is predicted.
 fn stack_and_balls(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     let (mut bodies, joints) = stack(shapes);
     let ball = [ColliderBuilder::ball(0.3).restitution(0.6)];
@@ -93,7 +95,8 @@ fn stack_and_balls(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointReco
     (bodies, joints)
 }
 
-/// At 100 ms each way, exactly, and with jitter of up to 0, 33 and 100 ms more and one batch in twenty lost.
+/// At 100 ms each way: with exact states, and with jitter of up to 0, 33 and 100 ms and one batch in twenty
+/// lost.
 #[test]
 fn nothing_is_shown_to_accelerate_much_harder_than_it_does() {
     for jitter in [None, Some(0), Some(2), Some(6)] {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{Fault, Island, Moment, Planned, ProcessKind, Victim, Ways};
 use crate::sim::Random;
 
-/// Adds faults to a schedule; `at` is when the next may begin.
+/// A planner that adds faults to a schedule. `at` is the time from which on the next may begin.
 pub(super) struct Planner<'a> {
     pub(super) at: Duration,
     pub(super) faults: Vec<Planned>,
@@ -88,7 +88,7 @@ impl Planner<'_> {
         self.wait(rest_ms, rest_ms);
     }
 
-    /// Adds a fault of any kind, over before the next begins or not.
+    /// Adds a fault of any kind. It need not be over before the next begins.
     pub(super) fn anything(&mut self) {
         let before = self.at;
         match self.random.below(6) {

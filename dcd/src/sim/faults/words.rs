@@ -1,4 +1,4 @@
-//! Describes faults in words, for people who read of a failing seed.
+//! Describes faults in words, for people who read about a failing seed.
 
 use std::fmt;
 

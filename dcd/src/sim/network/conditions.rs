@@ -10,14 +10,14 @@ use crate::sim::Random;
 /// The delay of packets on a path: from `base_us` to `base_us + jitter_us`, microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
-    /// Delay of the quickest packet.
+    /// The delay of the quickest packet, microseconds.
     pub base_us: u64,
-    /// How much later the slowest may be.
+    /// How much later the slowest packet may be, microseconds.
     pub jitter_us: u64,
 }
 
 impl Path {
-    /// Returns a path on which packets take up to `longest_us`, and at least a tenth of it.
+    /// Returns a path on which packets take at most `longest_us`, and at least a tenth of that.
     pub const fn up_to(longest_us: u64) -> Self {
         Self { base_us: longest_us / 10, jitter_us: longest_us - longest_us / 10 }
     }
@@ -31,32 +31,32 @@ impl Path {
     }
 }
 
-/// Delay, loss, duplication and reordering of packets.
+/// The delay, loss, duplication and reordering of packets.
 ///
-/// Frames of reliable lanes keep their order whatever happens to their packets: loss shows as delay. Datagrams are lost,
-/// doubled and overtaken.
+/// Frames of reliable lanes keep their order whatever happens to their packets: loss shows as delay.
+/// Datagrams are lost, doubled and overtaken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NetworkConditions {
-    /// Between processes of one site.
+    /// The path between processes of one site.
     pub near: Path,
-    /// Between sites.
+    /// The path between sites.
     pub far: Path,
-    /// Sites of processes; those not named are at site 0.
+    /// The sites of processes. Processes that are not named are at site 0.
     pub sites: BTreeMap<Peer, u32>,
-    /// Between the server and all others; `None`: as between any two.
+    /// The path between the server and all others; `None`: as between any two.
     pub server: Option<Path>,
-    /// Fraction of packets that are lost.
+    /// The fraction of packets that are lost.
     pub loss: f64,
-    /// Fraction of packets that take a detour, so that later ones overtake them.
+    /// The fraction of packets that take a detour, so that later packets overtake them.
     pub reorder: f64,
     /// How much longer the detour takes.
     pub detour: Duration,
-    /// Fraction of packets that arrive twice.
+    /// The fraction of packets that arrive twice.
     pub duplicate: f64,
 }
 
 impl NetworkConditions {
-    /// Returns conditions in which nothing goes wrong, and all paths are alike.
+    /// Returns conditions in which nothing goes wrong and all paths are alike.
     pub const fn calm(near: Path) -> Self {
         Self {
             near,
@@ -85,16 +85,17 @@ impl NetworkConditions {
     }
 }
 
-/// Bounds on the bytes that wait between a sender and the machine that is to read them; by default those of real links.
+/// Bounds on the bytes that wait between a sender and the machine that reads them; by default those of real
+/// links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
-    /// Bytes that a reader's process takes in before its machine has read them.
+    /// The bytes that a reader's process takes in before its machine has read them.
     pub inbox_bytes: usize,
-    /// Bytes that the sender keeps beyond those for a server or node: in flight and waiting.
+    /// The bytes that the sender keeps beyond these for a server or node, in flight and waiting.
     pub queue_bytes: usize,
     /// The same for a client.
     pub client_queue_bytes: usize,
-    /// Datagrams that a process takes in before its machine has read them.
+    /// The bytes of datagrams that a process takes in before its machine has read them.
     pub datagram_bytes: usize,
 }
 
@@ -124,12 +125,12 @@ impl Bounds {
 pub enum Who {
     /// These processes.
     Only(BTreeSet<Peer>),
-    /// All others, those to come included.
+    /// All other processes, including those still to come.
     AllBut(BTreeSet<Peer>),
 }
 
 impl Who {
-    /// Returns the side of one process.
+    /// Returns the side that has one process only.
     pub fn one(peer: Peer) -> Self {
         Self::Only(BTreeSet::from([peer]))
     }
@@ -146,11 +147,11 @@ impl Who {
 /// A one-way cut until a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cut {
-    /// From here.
+    /// The senders whose packets are lost.
     pub from: Who,
-    /// To there.
+    /// The receivers that miss these packets.
     pub to: Who,
-    /// Until then.
+    /// The end of the cut.
     pub until: Duration,
 }
 
@@ -161,7 +162,7 @@ impl Cut {
         [Self { from: inside.clone(), to: outside.clone(), until }, Self { from: outside, to: inside, until }]
     }
 
-    /// Returns cuts between these two, both ways; all others reach both.
+    /// Returns cuts between these two, both ways. All others reach both.
     pub fn between(a: Peer, b: Peer, until: Duration) -> [Self; 2] {
         [
             Self { from: Who::one(a), to: Who::one(b), until },

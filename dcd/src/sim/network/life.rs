@@ -9,7 +9,8 @@ use crate::cluster::Peer;
 use crate::protocol::link::{FIRST_PROBE, KEEP_ALIVE, LINGER};
 
 impl Network {
-    /// Closes a process's link to another: its sent messages arrive, then the other end hears of it.
+    /// Closes a process's link to another. The messages that it has sent arrive, then the other end hears of
+    /// the closing.
     pub(in crate::sim) fn close(&mut self, now: Duration, from: Peer, to: Peer) {
         self.waiting.remove(&(from, to));
         if let Some(id) = self.current.get(&(from, to)).copied() {
@@ -17,7 +18,8 @@ impl Network {
         }
     }
 
-    /// Breaks the link between two processes at both ends, and loses what is under way; they can call each other again.
+    /// Breaks the link between two processes at both ends, and loses what is under way. They can call each
+    /// other again.
     pub(in crate::sim) fn break_link(&mut self, a: Peer, b: Peer) {
         let Some(id) = self.current.get(&(a, b)).copied() else { return };
         for side in Side::BOTH {
@@ -44,7 +46,7 @@ impl Network {
         self.cuts.push(cut);
     }
 
-    /// Kills a process without a word. Of each of its lanes, what is under way arrives or is lost.
+    /// Kills a process without a word. On each of its lanes, what is under way either arrives or is lost.
     pub(in crate::sim) fn crash(&mut self, now: Duration, dead: Peer) {
         self.alive.remove(&dead);
         let is_its = |event: &Event| matches!(event, Event::Physics(node, _) if Peer::Node(*node) == dead);
@@ -64,7 +66,7 @@ impl Network {
             (0..LANES).for_each(|lane| other.drop_frames(lane));
             other.lingers = false;
             self.deafen(now, id, side.other());
-            // A process that is killed says nothing; one that panics may still say so.
+            // A killed process says nothing; one that panics may still say that it closes.
             if self.random.chance(0.25) {
                 let soon = now + self.random.up_to(Duration::from_millis(40));
                 self.push(soon, Event::Closed(id, side.other()));
@@ -73,8 +75,9 @@ impl Network {
         }
     }
 
-    /// Has the peers of a process that is started again hear of it when they next send over the links of its predecessor. A node may be
-    /// back at another address, where nobody asks about them; but then its clients are told so, and only theirs last for long.
+    /// Lets the peers of a restarted process hear of its restart when they next send over the links of its
+    /// predecessor. A node may be back at another address, where no peer asks about these links. But then its
+    /// clients are told so, and only clients' links last for long.
     pub(super) fn recall(&mut self, now: Duration, who: Peer) {
         for (id, side) in self.ends_of(who) {
             let link = &self.links[&id];
@@ -93,7 +96,7 @@ impl Network {
         }
     }
 
-    /// Resumes a process. Returns those of its links that have ended before it has read what came over them.
+    /// Resumes a process. Returns those of its links that ended before it has read what came over them.
     pub(in crate::sim) fn resume(&mut self, now: Duration, who: Peer) -> BTreeSet<LinkId> {
         let mut ended = BTreeSet::new();
         let Some(since) = self.alive.insert(who, None).flatten() else { return ended };
@@ -107,7 +110,8 @@ impl Network {
             if !link.is_open(side) || heard + link.idle_timeout() > now {
                 continue;
             }
-            // Packets lie in its buffer unless it was deaf before; whether they or the time-out come first is chance.
+            // Packets lie in its buffer unless it was deaf before. Chance decides whether these or the
+            // time-out come first.
             let has_packets = link.end(side).deaf.is_none_or(|deaf| deaf > since);
             if has_packets && self.random.chance(0.5) {
                 self.hear(now, id, side);
@@ -128,7 +132,7 @@ impl Network {
         self.alive.get(&who).is_some_and(Option::is_some)
     }
 
-    /// Executes an event of a link, frames apart.
+    /// Executes an event of a link, frames excepted.
     pub(super) fn live(&mut self, now: Duration, event: Event) {
         match event {
             Event::Dial(id, attempt) => self.dialled(now, id, attempt),
@@ -182,14 +186,14 @@ impl Network {
         self.alive.get(&who).is_some_and(Option::is_none)
     }
 
-    /// Returns whether packets of the other end reach this one.
+    /// Returns whether packets of the other end reach this end.
     fn is_audible(&self, now: Duration, id: LinkId, side: Side) -> bool {
         let Some(link) = self.links.get(&id) else { return false };
         let (own, other) = (link.end(side), link.end(side.other()));
         other.state != State::Closed && self.is_running(other.who) && self.passes(now, other.who, own.who)
     }
 
-    /// Notes that an end hears something, perhaps the last for a while.
+    /// Notes that an end hears something, perhaps for the last time in a while.
     pub(super) fn hear(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         if link.end_mut(side).deaf.take().is_some() && link.is_open(side) && !self.is_audible(now, id, side) {
@@ -197,7 +201,8 @@ impl Network {
         }
     }
 
-    /// Notes that an end hears nothing from now on; the last it heard was a keep-alive some time ago, or anything since.
+    /// Notes that an end hears nothing from now on. The last that it heard was a keep-alive some time ago, or
+    /// anything since.
     fn deafen(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(keep_alive) = self.links.get(&id).map(Link::keep_alive) else { return };
         let since = now.saturating_sub(self.random.up_to(keep_alive));
@@ -223,7 +228,7 @@ impl Network {
         }
     }
 
-    /// Returns the time of one flight of a handshake, with the cost of its loss.
+    /// Returns the time of one flight of a handshake, including repeats after loss.
     fn flight(&mut self, from: Peer, to: Peer) -> Duration {
         let mut time = self.delay(from, to);
         for retries in 0..6 {
@@ -253,7 +258,7 @@ impl Network {
         }
     }
 
-    /// Sends a first packet again that was not answered, each time after twice as long.
+    /// Sends an unanswered first packet again, each time after twice as long.
     fn dial_again(&mut self, now: Duration, id: LinkId, attempt: u32) {
         self.push(now + FIRST_PROBE * (1 << attempt.min(8)), Event::Dial(id, attempt + 1));
     }
@@ -286,7 +291,7 @@ impl Network {
         }
     }
 
-    /// Opens an end of a link; an earlier link of the same two ends here.
+    /// Opens an end of a link. An earlier link of the same two processes ends here.
     fn begin(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         link.end_mut(side).state = State::Open;
@@ -347,7 +352,7 @@ impl Network {
         }
     }
 
-    /// Closes the sender's end because the reader does not read; the reader hears of it if it ever listens.
+    /// Closes the sender's end because the reader does not read. The reader hears of it if it ever listens.
     pub(super) fn overflow(&mut self, now: Duration, id: LinkId, side: Side) {
         self.traffic.overflows += 1;
         if let Some(link) = self.links.get_mut(&id) {
@@ -364,7 +369,7 @@ impl Network {
         self.probe_later(now, id, side.other());
     }
 
-    /// Has an end find out by its next keep-alive that the other has forgotten the link.
+    /// Lets an end find out by its next keep-alive that the other end has forgotten the link.
     fn probe_later(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get(&id) else { return };
         if side == Side::Dialler || !link.is_calm() {
@@ -373,7 +378,8 @@ impl Network {
         }
     }
 
-    /// Has an end find out by what it sends that the other has forgotten a calm link; other links do not wait for that.
+    /// Lets an end find out by what it sends that the other end has forgotten a calm link. Other links do not
+    /// wait for that.
     pub(super) fn probe_by_sending(&mut self, now: Duration, id: LinkId, side: Side) {
         let is_over = |link: &Link| link.is_calm() && link.end(side.other()).state == State::Closed;
         if self.links.get(&id).is_some_and(is_over) {
@@ -381,7 +387,7 @@ impl Network {
         }
     }
 
-    /// Answers a packet for a link that its process has forgotten by a reset.
+    /// Answers a packet by a reset if its link is one that the other process has forgotten.
     fn probe(&mut self, now: Duration, id: LinkId, side: Side) {
         let Some(link) = self.links.get(&id).filter(|link| link.is_open(side)) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);
@@ -398,7 +404,7 @@ impl Network {
         }
     }
 
-    /// Ends the link at this end; its process hears of it if it has not closed it itself.
+    /// Ends the link at this end. The process hears of it unless it has closed the link itself.
     fn gone(&mut self, id: LinkId, side: Side) {
         let Some(link) = self.links.get_mut(&id) else { return };
         let (own, other) = (link.end(side).who, link.end(side.other()).who);

@@ -1,5 +1,5 @@
-//! Defines one simulated connection: the state of each of its ends (opening, open, closed), and the frames not yet given to their
-//! reader.
+//! Defines one simulated connection: the state of each of its ends (opening, open, closed), and the frames
+//! not yet given to their reader.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,11 +8,11 @@ use crate::cluster::Peer;
 use crate::protocol::Lane;
 use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, CLIENT_KEEP_ALIVE, IDLE_TIMEOUT, KEEP_ALIVE};
 
-/// The number of a connection; later ones between the same two processes have higher numbers.
+/// The number of a connection. Later connections between the same two processes have higher numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::sim) struct LinkId(pub(super) u64);
 
-/// An end of a link: that of the process that dialled, or that of the other.
+/// An end of a link: that of the process that dialled, or that of the other process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Dialler,
@@ -32,7 +32,7 @@ impl Side {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// The handshake has not come to an end here.
+    /// The handshake is not complete at this end.
     Opening,
     Open,
     Closed,
@@ -42,20 +42,20 @@ pub(super) enum State {
 pub(super) struct End {
     pub(super) who: Peer,
     pub(super) state: State,
-    /// Since when it has not heard the other end; `None` if it hears it.
+    /// The time since when the end has not heard the other end; `None` if it hears it.
     pub(super) deaf: Option<Duration>,
-    /// Both reliable lanes, towards the other end.
+    /// The frames of both reliable lanes towards the other end.
     pub(super) lanes: [Frames; 2],
-    /// Bytes of it that the other end has not read.
+    /// The bytes from this end that the other end has not read.
     pub(super) unread: usize,
-    /// Its process has closed it and what it sent before is still to arrive.
+    /// Whether its process has closed it while what it sent before is still to arrive.
     pub(super) lingers: bool,
 }
 
 /// The frames of one reliable lane that have not been given to the reader yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Frames {
-    /// The number of the first.
+    /// The number of the first of these frames.
     pub(super) first: u64,
     pub(super) waiting: VecDeque<Frame>,
 }
@@ -63,9 +63,9 @@ pub(super) struct Frames {
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) bytes: Vec<u8>,
-    /// Packets that the other end still lacks.
+    /// The number of packets that the other end still lacks.
     pub(super) missing: u64,
-    /// How often packets have been sent again.
+    /// The number of times that packets have been sent again.
     pub(super) retries: u32,
 }
 
@@ -87,17 +87,18 @@ impl Link {
         Self { ends: [end(dialler), end(listener)] }
     }
 
-    /// Returns whether a process has dialled that is a client only: it then breaks the silence rarely, and the other end never.
+    /// Returns whether the link is calm: a client that is no participant has dialled. Then the client breaks
+    /// the silence rarely, and the other end never.
     pub(super) fn is_calm(&self) -> bool {
         matches!(self.end(Side::Dialler).who, Peer::Client(_))
     }
 
-    /// Returns the longest silence.
+    /// Returns the longest silence after which an end drops the link.
     pub(super) fn idle_timeout(&self) -> Duration {
         if self.is_calm() { CLIENT_IDLE_TIMEOUT } else { IDLE_TIMEOUT }
     }
 
-    /// Returns the longest time between two packets that the ends of a link that lives hear.
+    /// Returns the longest time between two packets that an end of a live link hears.
     pub(super) fn keep_alive(&self) -> Duration {
         if self.is_calm() { CLIENT_KEEP_ALIVE } else { KEEP_ALIVE }
     }
@@ -110,7 +111,7 @@ impl Link {
         &mut self.ends[side as usize]
     }
 
-    /// Returns which end a process has.
+    /// Returns which end belongs to a process.
     pub(super) fn side_of(&self, who: Peer) -> Side {
         if self.ends[0].who == who { Side::Dialler } else { Side::Listener }
     }
@@ -146,7 +147,7 @@ impl End {
         lane.waiting.pop_front().map(|frame| frame.bytes)
     }
 
-    /// Drops the frames that it sent and the other end has not got.
+    /// Drops the frames that this end sent and the other end has not got.
     pub(super) fn drop_frames(&mut self, lane: usize) {
         let lane = &mut self.lanes[lane];
         lane.first += lane.waiting.len() as u64;
@@ -158,10 +159,10 @@ impl End {
     }
 }
 
-/// The reliable lanes in order.
+/// The number of reliable lanes.
 pub(super) const LANES: usize = 2;
 
-/// Returns the place of a reliable lane; `None` for datagrams.
+/// Returns the index of a reliable lane; `None` for datagrams.
 pub(super) const fn index(lane: Lane) -> Option<usize> {
     match lane {
         Lane::Control => Some(0),

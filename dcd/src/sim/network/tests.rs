@@ -10,14 +10,15 @@ const A: Peer = Peer::Node(NodeId(1));
 const B: Peer = Peer::Node(NodeId(2));
 const C: Peer = Peer::Client(ClientId(1));
 const MS: Duration = Duration::from_millis(1);
-/// An end may have heard the last keep-alive a while before, and hears the next a while after.
+/// A silence that ends no link: an end may have heard the last keep-alive a while before, and hears the next
+/// a while after.
 const SHORT: Duration =
     Duration::from_millis((IDLE_TIMEOUT.as_millis() - 2 * KEEP_ALIVE.as_millis()) as u64 - 10);
 
 struct World {
     network: Network,
     now: Duration,
-    /// What arrived: when, where, what.
+    /// What arrived: when, at which process, and what.
     log: Vec<(Duration, Peer, Arrival)>,
 }
 
@@ -32,7 +33,7 @@ impl World {
         Self { network, now: Duration::ZERO, log: Vec::new() }
     }
 
-    /// Two processes with a link, at 100 ms.
+    /// Creates a world in which two processes have a link, at 100 ms.
     fn linked(conditions: NetworkConditions, seed: u64) -> Self {
         let mut world = Self::new(conditions, seed);
         world.network.dial(Duration::ZERO, A, B);
@@ -73,7 +74,7 @@ impl World {
         self.log.iter().filter_map(number).collect()
     }
 
-    /// How often a process heard that a link began, or ended.
+    /// Returns how often a process heard that a link began, or ended.
     fn told(&self, who: Peer, connected: bool) -> usize {
         let is_it = |arrival: &Arrival| match arrival {
             Arrival::Connected(_) => connected,

@@ -1,4 +1,4 @@
-//! Tests the fault table by a few seeds of each row, and that violations are found.
+//! Tests the fault table with a few seeds of each row, and tests that violations are found.
 
 use super::*;
 use crate::sim::Spoilt;
@@ -67,7 +67,7 @@ fn a_planted_bug_is_found_within_a_thousand_seeds_and_told_with_its_seed() {
         row.failures.into_iter().find(|failure| matches!(failure.violation, Violation::Lost { .. }))
     });
     let failure = found.expect("a transfer that is lost leaves a body without an owner");
-    // What is left of the schedule still shows it.
+    // The shrunk schedule still shows the violation.
     let again = run_trial(&config, FaultProfile::All, failure.seed, &failure.schedule);
     assert_eq!(again.violation, Some(failure.violation.clone()));
     assert!(failure.schedule.faults.is_empty(), "a lost transfer needs no other fault: {failure}");
@@ -91,7 +91,7 @@ fn a_row_that_is_interrupted_says_how_far_it_came() {
     assert_eq!(row.seeds, 3);
 }
 
-/// Runs a seed in which nothing else goes wrong than this and what is planted.
+/// Runs a seed in which nothing goes wrong but this profile's faults and the planted bug.
 fn planted(profile: FaultProfile, spoilt: Option<Spoilt>) -> Option<Violation> {
     let config = TrialConfig { spoilt, ..TrialConfig::default() };
     run_trial(&config, profile, 1, &profile.schedule(1)).violation

@@ -4,7 +4,8 @@ use super::*;
 use crate::cluster::Record;
 use crate::space::{Balance, Bounds, DistributionTree, Load};
 
-/// A square kilometre whose bodies are all on their way to a corner of 80 m, for a minute; one node begins.
+/// Starts a square kilometre whose bodies all move towards a corner of 80 m for a minute, computed by one
+/// node.
 fn crowd_that_gathers(count: u32) -> Sim {
     let mut random = Random::new(7);
     let mut place = |from: f64, to: f64| [0; 3].map(|_| from + (to - from) * random.unit());
@@ -22,7 +23,7 @@ fn crowd_that_gathers(count: u32) -> Sim {
     Sim::with_world(config(1, 1), world, record, || Box::<StandIn>::default())
 }
 
-/// Lets seven more nodes come, and checks how the crowd is shared out ten seconds after all are members.
+/// Starts seven more nodes, and checks how evenly the crowd is shared out ten seconds after all are members.
 fn shares_out(count: u32) {
     let mut sim = crowd_that_gathers(count);
     sim.run_to(Tick(5)).unwrap();
@@ -43,7 +44,7 @@ fn shares_out(count: u32) {
     let view = sim.server().view().unwrap();
     assert_eq!(view.allocation.len(), 8);
     assert_eq!(sim.checker().owned(), count as usize);
-    // Who only watches knows the regions as they are.
+    // A client that only watches knows the regions as they are.
     assert!(sim.client(client).tree() == Some(&view.tree), "as of the last change");
     assert!(
         view.allocation.iter().all(|(&region, &node)| sim.client(client).computed_by(region) == Some(node))

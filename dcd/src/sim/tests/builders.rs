@@ -1,15 +1,16 @@
-//! Tests that what clients build is in the world once, whoever dies when.
+//! Tests that what clients build is in the world exactly once, whichever process dies at whatever time.
 
 use super::*;
 use crate::protocol::{Alteration, BuildOp};
 
-/// A body that the client inserts, and that does not move.
+/// Returns the operation that inserts a body which does not move.
 fn insert(id: BodyId) -> BuildOp {
     let place = [1.0 + f64::from(id.index()) * 0.4, 5.0, 5.0];
     BuildOp::Insert { bodies: vec![sim_body(id, place)], shapes: Vec::new(), joints: Vec::new() }
 }
 
-/// Lets a client build ten bodies in ten messages, change one and remove one, while something happens after so many outputs.
+/// Lets a client build ten bodies in ten messages, change one and remove one, after `happens` has disturbed
+/// the cluster, or has arranged for that.
 fn built_while(seed: u64, happens: impl FnOnce(&mut Sim)) {
     let mut sim = running(seed, 3);
     let client = sim.start_builder();
@@ -38,11 +39,11 @@ fn built_while(seed: u64, happens: impl FnOnce(&mut Sim)) {
     let built = present.iter().filter(|id| id.builder() == Some(client)).count();
     assert_eq!((built, present.len()), (9, 49), "seed {seed}");
     assert!(!present.contains(&gone), "seed {seed}");
-    // What is between two owners at this instant has one soon; a body that nodes have lost never has.
+    // A body between two owners at this instant soon has one; a body that nodes have lost never has.
     sim.run_until(|sim| sim.states().keys().eq(&present)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     let record = sim.server().record().body(changed).unwrap();
     assert_eq!((record.traits.linear_damping, record.user_data), (0.25, 7), "seed {seed}");
-    // It leaves, and all of it stays.
+    // The client leaves, and what it built stays.
     sim.submit(client, ClientEvent::Leave);
     sim.crash(Peer::Client(client));
     sim.run_for(Duration::from_secs(3)).unwrap();

@@ -43,7 +43,7 @@ fn what_touches_holds_when_regions_move() {
     hold(&[FaultProfile::Shrink], 0..3);
 }
 
-/// Runs a seed in which nothing goes wrong but what is planted.
+/// Runs a seed in which nothing goes wrong but the planted bug.
 fn planted(scene: ContactScene, spoilt: Option<Spoilt>) -> Option<String> {
     let config = TrialConfig { spoilt, ..trial(scene) };
     let profile = FaultProfile::None;

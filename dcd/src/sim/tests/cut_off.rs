@@ -2,10 +2,11 @@
 
 use super::*;
 
-/// The ticks within which a client hears of each body: members report every third, and what is told is on its way for three.
+/// The ticks within which a client hears of each body: members report every third tick, and a report is on
+/// its way for three ticks.
 const FRESH_TICKS: u64 = 15;
 
-/// At a round trip of 100 ms; the link outlives the cut.
+/// The round trip is 100 ms. The link outlives the cut.
 #[test]
 fn a_client_that_was_cut_off_for_seconds_is_told_of_all_that_moves_again() {
     for seed in 0..5 {

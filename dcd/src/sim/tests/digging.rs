@@ -1,4 +1,5 @@
-//! Tests that a world whose terrain is dug for long forgets what was there before, at all who compute and see it, and never what is there.
+//! Tests that a world whose terrain is dug for long forgets shapes that are gone, at all nodes and clients,
+//! and never shapes that are there.
 
 use rapier3d::prelude::{Array2, ColliderBuilder, RigidBody, RigidBodyBuilder, Vector};
 
@@ -7,11 +8,11 @@ use crate::cluster::{Record, ServerEvent};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{BodyRecord, BuildOp, EnvironmentProperties, Input, ShapeHash, ShapeRecord, WorldPose};
 
-/// Points along an edge of the terrain: a quarter of a megabyte.
+/// The number of points along an edge of the terrain, which then has a quarter of a megabyte.
 const EDGE: usize = 260;
 const RADIUS_M: f32 = 0.5;
 
-/// A terrain at height 1 with a pit in one corner, so deep.
+/// Returns a terrain at height 1 with a pit of this depth in one corner.
 fn terrain(shapes: &mut ShapeLibrary, index: u32, depth_m: f32) -> (BodyRecord, ShapeRecord) {
     let mut heights = Array2::new(EDGE, EDGE, vec![0.0; EDGE * EDGE]);
     heights[(0, 0)] = -depth_m;
@@ -41,7 +42,7 @@ fn insert((body, shape): (BodyRecord, ShapeRecord)) -> BuildOp {
     BuildOp::Insert { bodies: vec![body], shapes: vec![shape], joints: Vec::new() }
 }
 
-/// Returns the shapes that each node has.
+/// Returns the shapes that each node knows.
 fn known(sim: &Sim) -> Vec<Vec<ShapeHash>> {
     sim.nodes.values().map(|node| node.physics.shapes()).collect()
 }
@@ -69,7 +70,7 @@ fn a_terrain_that_is_dug_forty_times_fills_no_memory_and_has_no_hole() {
     };
     assert!(is_on_ground(&sim));
     for dug in 1..=40 {
-        // A dig and the terrain before it.
+        // The new terrain comes, and the terrain before it goes.
         let next = terrain(&mut library, 100 + dug, 0.1 * dug as f32);
         sim.order(ServerEvent::Program(vec![insert(next), BuildOp::Remove(BodyId::persistent(99 + dug))]));
         if dug == 25 {
@@ -94,7 +95,8 @@ fn a_terrain_that_is_dug_forty_times_fills_no_memory_and_has_no_hole() {
         );
     }
 
-    // A ball goes to the region of a node that never had it, over terrain that was forgotten and is there again.
+    // A ball goes to the region of a node that never had it, over terrain that was forgotten and is there
+    // again.
     let (mut again, shape) = terrain(&mut library, 200, 0.0);
     again.id = BodyId::persistent(200);
     assert_eq!(shape.hash(), hash);

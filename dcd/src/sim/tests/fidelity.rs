@@ -1,4 +1,4 @@
-//! Tests that a served world is computed less where nobody looks, whatever happens to its nodes.
+//! Tests that a served world is computed less finely where nobody looks, whatever happens to its nodes.
 
 use std::collections::BTreeMap;
 
@@ -10,12 +10,12 @@ use crate::protocol::{Area, BodyState, EnvironmentProperties};
 use crate::scene::{Params, Scene};
 use crate::space::{DistributionTree, Viewpoint};
 
-/// Beyond all districts.
+/// An area beyond all districts.
 const NOWHERE: Area = Area { centre: [0.0, 2.0, 500.0], radius_m: 1.0 };
-/// Into several of 24 districts, 60 m each.
+/// An area with several of the 24 districts, which have 60 m each.
 const DISTRICTS: Area = Area { centre: [-90.0, 20.0, -30.0], radius_m: 80.0 };
 
-/// A small town, of which audits are never too bad.
+/// Starts a small town whose audits are never too bad.
 fn town(config: SimConfig, cars: u32, viewpoints: Vec<Viewpoint>) -> Sim {
     let params = Params::new().with("n", 600).with("cars", cars).with("seed", config.seed);
     let scene = Scene::named("town", &params).unwrap();
@@ -42,7 +42,7 @@ fn report(sim: &Sim) -> FidelityReport {
     sim.server().fidelity_report().expect("the leader tells it")
 }
 
-/// Goes on for as long as rates take to follow, and until that is told.
+/// Runs for as long as rates take to follow and to be told. Returns the number of regions by level.
 fn settle(sim: &mut Sim) -> [usize; 3] {
     let target = Tick(sim.tick().0 + 240);
     sim.run_to(target).unwrap();
@@ -52,7 +52,7 @@ fn settle(sim: &mut Sim) -> [usize; 3] {
 #[test]
 fn a_served_world_is_computed_in_full_where_its_clients_look() {
     let mut sim = town(config(1, 3), 0, Vec::new());
-    // Now and then signals make some of those finer that nobody looks at.
+    // Now and then signals refine some regions that nobody looks at.
     let is_left = |[full, _, coarse]: [usize; 3]| full <= 3 && coarse >= 19;
     let levels = settle(&mut sim);
     assert!(is_left(levels), "nobody is there: {levels:?}");
@@ -63,12 +63,12 @@ fn a_served_world_is_computed_in_full_where_its_clients_look() {
     sim.submit(client, ClientEvent::Interest(Some(DISTRICTS)));
     let levels = settle(&mut sim);
     assert!(levels[0] >= 6 && levels[2] >= 10, "one looks at some districts: {levels:?}");
-    // One that is told of everything looks at everything.
+    // A client that is told of everything looks at everything.
     let all = sim.start_client(None);
     assert_eq!(settle(&mut sim), [24, 0, 0]);
     sim.crash(Peer::Client(all));
     sim.submit(client, ClientEvent::Interest(Some(NOWHERE)));
-    // Once its link counts as lost, and a second later.
+    // Its link must count as lost, and a second must pass.
     sim.run_until(|sim| is_left(report(sim).levels)).expect("who left looks no more");
 }
 
@@ -105,7 +105,7 @@ fn an_avatar_is_computed_in_full_wherever_its_client_looks() {
     body.state.velocity.linear = [0.0, 1.0, 0.0];
     sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
     settle(&mut sim);
-    // At a fourth of the rate it would stand still in three of four ticks.
+    // At a fourth of the rate the avatar would stand still in three of four ticks.
     let mut at = Vec::new();
     for _ in 0..12 {
         let next = Tick(sim.tick().0 + 1);

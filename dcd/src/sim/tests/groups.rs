@@ -1,4 +1,5 @@
-//! Tests three groups of four nodes, 60 ms from one another: two of each group have a client with an avatar in their process.
+//! Tests three groups of four nodes, 60 ms from one another. Two nodes of each group have a client with an
+//! avatar in their process.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -14,7 +15,7 @@ const SITES: u32 = 3;
 const MS: Duration = Duration::from_millis(1);
 const TICK: Duration = Duration::from_nanos(16_666_667);
 
-/// The groups have formed, and the avatars are there.
+/// Starts the cluster, and runs until the groups have formed and the avatars are there.
 fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
     let delay = DelayThresholds { inclusion_ms: 30.0, rejection_ms: 60.0, deviation_ms: 30.0 };
     let mut sim = Sim::new(SimConfig {
@@ -53,7 +54,7 @@ fn sizes(sim: &Sim) -> Vec<usize> {
     sim.server().views().map(|(_, view)| view.members.len()).collect()
 }
 
-/// Ticks of each group.
+/// Returns the newest tick of each group.
 fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
     let tick = |group| sim.checker().progress(group).map_or(0, |(_, tick)| tick.0);
     sim.server().views().map(|(group, _)| (group, tick(group))).collect()
@@ -168,7 +169,8 @@ fn a_leader_and_a_node_killed_in_each_group_cost_no_body_and_stop_no_other_group
                 let took = sim.now() - began;
                 assert!(took < Duration::from_secs(2), "seed {seed}, {killed} of {group}: {took:?}");
                 for (other, tick) in ticks(&sim).into_iter().filter(|(other, _)| other != group) {
-                    // While the main one is late, they wait for it by a quarter of each tick at most.
+                    // While the main group is late, the others wait for it, by a quarter of each tick at
+                    // most.
                     let made = TICK * (tick - before[&other]) as u32;
                     let least = took * 3 / 4;
                     assert!(made + 50 * MS > least, "{other} made {made:?} in {took:?} without {killed}");

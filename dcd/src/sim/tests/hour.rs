@@ -1,5 +1,5 @@
-//! Tests how often a node moves between groups in an hour in which its delay goes up and down, with the real state machines. The
-//! rules by themselves are put to a harder test beside them (`cluster/votes/flapping.rs`).
+//! Tests how often a node moves between groups in an hour in which its delay goes up and down, with the real
+//! state machines. Tests of the rules alone are harder (`cluster/votes/flapping.rs`).
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use crate::space::NodeId;
 const SECOND: Duration = Duration::from_secs(1);
 const NODES: u32 = 4;
 
-/// The round trip of the last node: 30 ms, midway between the thresholds, and so much more or less.
+/// The drift of the last node's round trip around 30 ms, which is midway between the thresholds.
 #[derive(Clone, Copy, Debug)]
 struct Drift {
     period_s: f64,
@@ -28,7 +28,7 @@ impl Drift {
         Path { base_us: (trip_ms * 500.0) as u64, jitter_us: 0 }
     }
 
-    /// How often nodes went from one group to another, and which did.
+    /// Returns the nodes that went from one group to another, once for each time.
     fn moves(&self, seed: u64) -> Vec<NodeId> {
         let near = Path { base_us: 200, jitter_us: 200 };
         let delay = DelayThresholds { inclusion_ms: 20.0, rejection_ms: 40.0, deviation_ms: 30.0 };
@@ -38,7 +38,7 @@ impl Drift {
             bodies: 4,
             regions: 4,
             speed_m_s: 1.0,
-            // Few ticks: it is delays that count here.
+            // Few ticks, because only delays count here.
             dt_s: 0.25,
             checkpoint_every: 2,
             network: NetworkConditions { server: Some(near), ..NetworkConditions::calm(near) },

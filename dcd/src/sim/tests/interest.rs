@@ -1,17 +1,19 @@
-//! Tests interest management: clients that receive a part of the world only.
+//! Tests interest management: clients that receive only a part of the world.
 
 use super::*;
 use crate::protocol::Area;
 use crate::sim::Scope;
 
-/// A ball of a tenth of the world's volume, in which and around which bodies fly.
+/// A ball with a tenth of the world's volume, in and around which bodies fly.
 const AREA: Area = Area { centre: [6.0, 4.0, 4.0], radius_m: 3.0 };
-/// States of bodies that have come so far in must have been sent: bodies fly at up to 21 m/s, from the edge in some 8 ticks.
+/// The core of the area. States of bodies that have come so far in must have been sent: bodies fly at up to
+/// 21 m/s, so they take some 8 ticks from the edge.
 const CORE: Area = Area { radius_m: 1.0, ..AREA };
-/// Members report every three ticks; then a word is on its way for some milliseconds.
+/// The oldest fresh state: members report every three ticks, then a message is on its way for some
+/// milliseconds.
 const FRESH_TICKS: u64 = 12;
 
-/// A client or participant that has said what it is interested in, and heard from its leader since.
+/// Starts a client or participant, and runs until it has stated its interest and heard from its leader since.
 fn interested(sim: &mut Sim, participates: bool, area: Area) -> ClientId {
     let client = if participates { sim.start_participant(None).1 } else { sim.start_client(None) };
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
@@ -21,7 +23,8 @@ fn interested(sim: &mut Sim, participates: bool, area: Area) -> ClientId {
     client
 }
 
-/// In the stand-in physics everything moves all the time: states of bodies in the area, or that the client has there, must be recent.
+/// Checks that states of bodies in the area, or that the client has there, are recent, and returns their
+/// number. In the stand-in physics everything moves all the time.
 fn check_fresh(sim: &Sim, client: ClientId, seed: u64) -> usize {
     let (now, truth) = (sim.tick(), sim.states());
     let mut seen = 0;
@@ -86,7 +89,7 @@ fn an_interest_outlives_leaders_links_and_servers() {
         sim.submit(client, ClientEvent::Interest(Some(AREA)));
         sim.run_for(Duration::from_secs(5)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         stay_fresh(&mut sim, client, seed);
-        // And it is still kept to: states of bodies outside are not sent.
+        // The interest is still kept to: states of bodies outside are not sent.
         let now = sim.tick().0;
         assert!(sim.client(client).bodies().any(|view| view.settled_tick().0 + 30 < now), "seed {seed}");
         let before = bytes_to_clients(&sim);
@@ -95,7 +98,7 @@ fn an_interest_outlives_leaders_links_and_servers() {
         let between = bytes_to_clients(&sim);
         sim.run_for(Duration::from_secs(2)).unwrap();
         assert!(between > before || seed % 2 == 1, "seed {seed}");
-        // Nothing is there: it hears that time goes on, twice a second.
+        // Nothing is there, so the client only hears that time goes on, twice a second.
         let idle = bytes_to_clients(&sim) - between;
         assert!(idle <= 5 * 15, "seed {seed}: {idle} bytes");
     }
@@ -149,7 +152,7 @@ fn an_area_of_a_tenth_costs_a_fraction_of_the_bytes() {
         let client = interested(&mut sim, false, AREA);
         sim.submit(client, ClientEvent::Interest(area));
         sim.run_for(Duration::from_secs(1)).unwrap();
-        // Of states: headers of messages are more than that where so little moves.
+        // Bytes of states: headers of messages take more than these where so little moves.
         let bytes = |sim: &Sim| sim.client(client).tally().bits.iter().sum::<f64>() / 8.0;
         let before = bytes(&sim);
         sim.run_for(Duration::from_secs(10)).unwrap();
@@ -159,7 +162,7 @@ fn an_area_of_a_tenth_costs_a_fraction_of_the_bytes() {
     assert!(part > 0.0 && part < 0.6 * all, "{part} of {all}");
 }
 
-/// Returns a client that joined with an interest, after it has heard from its leader.
+/// Starts a client that joins with an interest, and runs until it has heard from its leader.
 fn joined_in(sim: &mut Sim, area: Area) -> ClientId {
     let client = sim.start_client_in(area);
     sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
@@ -168,7 +171,8 @@ fn joined_in(sim: &mut Sim, area: Area) -> ClientId {
     client
 }
 
-/// Bodies near the middle of the area must be known and recent, though the client was never told the whole world.
+/// Checks that the client knows recent states of all bodies near the middle of its area, though it was never
+/// told the whole world.
 fn know_what_is_near(sim: &mut Sim, client: ClientId, seed: u64) {
     let mut seen = 0;
     for _ in 0..20 {

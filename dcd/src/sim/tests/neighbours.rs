@@ -1,10 +1,11 @@
-//! Tests that members exchange border messages with those whose regions are near, not with all.
+//! Tests that members exchange border messages with members whose regions are near, not with all.
 
 use super::*;
 use crate::cluster::Record;
 use crate::space::{Bounds, DistributionTree};
 
-/// Returns how many border messages a member of a group of so many sends in a tick, in a strip with a region each.
+/// Returns how many border messages a member sends per tick, in a strip in which each of `members` has a
+/// region.
 fn borders_per_tick(members: u32) -> f64 {
     let mut world = sim_world(1);
     let bounds = Bounds::new([0.0; 3], [20.0 * f64::from(members), 8.0, 8.0]);
@@ -13,7 +14,7 @@ fn borders_per_tick(members: u32) -> f64 {
     let bodies = (0..10 * members).map(|i| {
         let at = bounds.max.map(|max| max * random.unit());
         let mut body = sim_body(BodyId::persistent(i), at);
-        // Some fly through a region in a second.
+        // Some fly through a region within a second.
         body.state.velocity.linear[0] = ((random.unit() - 0.5) * 40.0) as f32;
         body
     });
@@ -33,6 +34,6 @@ fn borders_per_tick(members: u32) -> f64 {
 fn what_a_member_sends_grows_with_its_borders_and_not_with_the_group() {
     let sent = [4, 8, 16, 32].map(borders_per_tick);
     println!("{sent:.2?} border messages of a member in a tick of about two rounds");
-    // Two in a strip in each round, and all in every eighth tick.
+    // In a strip it is two in each round, and all in every eighth tick.
     assert!(sent[3] < 13.0 && sent[3] < 2.5 * sent[1], "{sent:?}");
 }

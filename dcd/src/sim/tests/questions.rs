@@ -1,4 +1,4 @@
-//! Tests queries of clients that the owners of bodies answer.
+//! Tests clients' queries, which the owners of bodies answer.
 
 use super::*;
 use crate::protocol::{
@@ -12,7 +12,8 @@ fn asking_for(number: u64, parts: QueryParts) -> Query {
     Query { number, filter: FilterRecord::default(), shapes, parts }
 }
 
-/// Through the middle of the world along x, across all its regions, and out of it.
+/// Returns a query with two rays: along x through the middle of the world, across all its regions, and out of
+/// the world.
 fn question(number: u64) -> Query {
     let ray = |origin: [f64; 3], direction: [f32; 3]| RayQuery {
         origin,
@@ -37,14 +38,14 @@ fn answer(sim: &mut Sim, client: ClientId, number: u64) -> QueryResult {
     answer.expect("an answer within ten seconds")
 }
 
-/// Whom the first of two rays met, and how far away; the second meets nothing.
+/// Returns the body that the first of two rays met, and how far away. The second meets nothing.
 fn met(found: QueryResult) -> Option<(BodyId, f64)> {
     let QueryResult::Rays(hits) = found else { panic!("{found:?}") };
     assert_eq!((hits.len(), hits[1]), (2, None), "nothing is out there");
     hits[0].map(|hit| (hit.body, hit.distance_m))
 }
 
-/// A client or participant that has joined, and a body at rest on the way of the first ray.
+/// Starts a client or participant that has joined, and a body at rest on the way of the first ray.
 fn asking(seed: u64, participates: bool) -> (Sim, ClientId, BodyId) {
     let mut sim = Sim::new(SimConfig { bodies: 0, ..config(seed, 3) });
     sim.run_to(Tick(5)).unwrap();

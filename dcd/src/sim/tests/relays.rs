@@ -1,18 +1,20 @@
-//! Tests clients that other members of the group tell in the leader's place.
+//! Tests clients that are told by other members of the group in the leader's place.
 
 use super::*;
 use crate::protocol::Area;
 use crate::sim::{Cut, Who};
 
-/// Members report every three ticks, to the leader, who tells the relay; each word is on its way for some milliseconds.
+/// The oldest fresh state: members report every three ticks to the leader, which tells the relay. Each
+/// message is on its way for some milliseconds.
 const FRESH_TICKS: u64 = 15;
 
-/// A ball about half of the bodies, which fly to and fro.
+/// A ball around about half of the bodies, which fly to and fro.
 const AREA: Area = Area { centre: [6.0, 4.0, 4.0], radius_m: 3.0 };
-/// Bodies that have come so far in must have been told.
+/// The core of the area. Clients must have been told of bodies that have come so far in.
 const CORE: Area = Area { radius_m: 1.0, ..AREA };
 
-/// A cluster whose leader tells so many clients itself, and four clients, of which every other one has an interest.
+/// Starts a cluster whose leader tells `above` clients itself, and four clients, every other one of which has
+/// an interest.
 fn relayed(seed: u64, nodes: u32, above: u32) -> (Sim, Vec<ClientId>) {
     let mut sim = Sim::new(SimConfig { relays_above: Some(above), ..config(seed, nodes) });
     sim.run_to(Tick(5)).unwrap();
@@ -34,7 +36,7 @@ fn relays(sim: &Sim, clients: &[ClientId]) -> Vec<NodeId> {
     clients.iter().filter_map(|&client| sim.client(client).told_by()).collect()
 }
 
-/// Everything moves all the time: what a client is to be told must be recent, and right.
+/// Checks that what clients are told is recent, and right. Everything moves all the time.
 fn check_fresh(sim: &Sim, clients: &[ClientId], seed: u64) {
     let (now, truth) = (sim.tick(), sim.states());
     for (at, &client) in clients.iter().enumerate() {
@@ -129,7 +131,8 @@ fn participants_tell_nobody() {
     stay_fresh(&mut sim, &[client], 1);
 }
 
-/// More links break within one view than a client may have turns: it is told by the leader at last, and all the while by somebody.
+/// More links break within one view than a client may have turns. In the end the leader tells it, and
+/// somebody tells it all the while.
 #[test]
 fn a_client_whose_link_to_the_leader_breaks_time_and_again_is_told_on() {
     let (mut sim, clients) = relayed(5, 3, 0);
@@ -158,8 +161,8 @@ fn inputs_are_said_to_be_applied_though_a_relay_tells_of_them() {
     assert_eq!(relays(&sim, &clients).len(), 4);
 }
 
-/// Whatever happens to a relay, its link, or the leader: nothing vanishes at a client, none stays without states, and none believes for long what
-/// is not so.
+/// Whatever happens to a relay, its link, or the leader: no body vanishes at a client, no client stays
+/// without states, and none believes for long what is not true.
 #[test]
 fn a_relay_that_is_gone_or_silent_leaves_no_client_untold() {
     for seed in 0..24 {
@@ -176,7 +179,7 @@ fn a_relay_that_is_gone_or_silent_leaves_no_client_untold() {
             2 => sim.break_link(client, relay),
             3 => sim.break_link(leader, relay),
             4 => sim.break_link(client, leader),
-            // For as long as the link lasts, and for longer.
+            // A cut for as long as the link lasts, and a longer one.
             5 | 6 => {
                 let until = for_s(&sim, if seed % 12 == 5 { 2 } else { 30 });
                 for (from, to) in [(client, relay), (relay, client)] {
@@ -202,7 +205,7 @@ fn a_relay_that_is_gone_or_silent_leaves_no_client_untold() {
             }
         }
         match seed % 12 {
-            // What it had counts for no truth.
+            // What the relay holds must not count as the truth.
             7 | 8 => sim.crash(relay),
             9 => {
                 sim.slow(relay, Duration::ZERO);

@@ -1,4 +1,4 @@
-//! Tests that a world that nodes compute is saved as it is after one tick, and goes back to that.
+//! Tests that a world that nodes compute is saved as it is after one tick, and goes back to that save.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use super::*;
 use crate::cluster::{SavedWorld, ServerEvent};
 use crate::protocol::{Area, BodyState, BuildOp};
 
-/// Saves the world, and returns it with what its owners had when it was saved.
+/// Saves the world. Returns the save, and what the owners had when it was saved.
 fn saved(sim: &mut Sim) -> (SavedWorld, BTreeMap<BodyId, BodyState>) {
     sim.order(ServerEvent::Save);
     sim.run_until(|sim| sim.saved().is_some()).unwrap();
-    // Nobody has heard yet that it goes on.
+    // No node has heard yet that the world goes on.
     (sim.saved().unwrap().clone(), sim.states())
 }
 
@@ -18,14 +18,14 @@ fn replace(sim: &mut Sim, saved: &SavedWorld) {
     sim.order(ServerEvent::Replace(Box::new(saved.clone())));
 }
 
-/// Lets the server's program insert a body, and waits for it.
+/// Lets the server's program insert a body, and waits until it is there.
 fn insert(sim: &mut Sim, id: BodyId) {
     let bodies = vec![sim_body(id, [5.0, 5.0, 5.0])];
     sim.order(ServerEvent::Program(vec![BuildOp::Insert { bodies, shapes: Vec::new(), joints: Vec::new() }]));
     sim.run_until(|sim| sim.state(id).is_some()).unwrap();
 }
 
-/// States by body, without what speeds are asked of whom.
+/// Returns the saved states by body, without the speeds that are asked of bodies.
 fn of(saved: &SavedWorld) -> BTreeMap<BodyId, BodyState> {
     saved.bodies.iter().map(|body| (body.id, body.state)).collect()
 }
@@ -79,7 +79,7 @@ fn a_world_goes_back_with_all_that_came_and_went() {
     sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 3)).unwrap();
     sim.run_until(|sim| sim.states().len() == 43 && sim.tick() > before).unwrap();
     sim.run_until(|sim| knows(sim, gone) && !knows(sim, new) && knows(sim, late)).unwrap();
-    // What its client is shown goes on from there: it stood then.
+    // What the client is shown goes on from there: the avatar stood then.
     sim.run_for(Duration::from_secs(1)).unwrap();
     let x = |id| sim.client(client).body(id).unwrap().body.state.pose.translation[0];
     assert!((x(early) - 3.0).abs() < 0.05, "what was asked of it since is not meant for then: {}", x(early));
@@ -106,7 +106,7 @@ fn clients_with_an_interest_hear_of_the_world_that_is_back() {
     replace(&mut sim, &saved);
     sim.run_until(|sim| known(sim, client) >= before[0] && known(sim, participant) == 6).unwrap();
     sim.run_until(|sim| sim.states().len() == 6).unwrap();
-    // Those bodies stand still.
+    // These bodies stand still.
     assert_eq!(sim.states(), of(&saved), "nodes hold what was saved");
 }
 
@@ -144,7 +144,7 @@ fn a_server_that_dies_after_going_back_goes_on_from_there() {
         let all = |sim: &Sim| sim.states().len() == 41 && sim.server().view().is_some();
         sim.run_until(|sim| all(sim) && sim.state(gone).is_some()).unwrap();
         sim.run_for(Duration::from_secs(2)).unwrap();
-        // One may be on its way between two nodes.
+        // A body may be on its way between two nodes.
         sim.run_until(|sim| all(sim) && sim.state(gone).is_some()).unwrap();
     }
 }

@@ -1,10 +1,11 @@
-//! Tests what a client knows of the world's time, by clocks that differ and drift.
+//! Tests what a client knows of the world's time, with clocks that differ and drift.
 
 use super::*;
 use crate::sim::{NetworkConditions, Path, Skew};
 
-/// Runs for ten seconds; returns the greatest error of the client's clock once it knows it, and its own bound on that, milliseconds; and
-/// the greatest step of what is shown between two looks, 5 ms apart, ticks.
+/// Runs for ten seconds and looks every 5 ms. Returns the largest error of the client's clock once the client
+/// knows it, its own bound on that, both in milliseconds, and the largest step of what is shown between two
+/// looks, in ticks.
 fn watch(seed: u64, path: Path) -> (f64, f64, f64) {
     let skew = Some(Skew { offset: Duration::from_secs(10), drift_ppm: 200 });
     let network = NetworkConditions::calm(path);
@@ -15,7 +16,7 @@ fn watch(seed: u64, path: Path) -> (f64, f64, f64) {
     for look in 0..2_000 {
         sim.run_for(Duration::from_millis(5)).unwrap();
         let (Some(time), Some(world)) = (sim.view_time(client), sim.world_tick()) else { continue };
-        // The first pings have been answered by then.
+        // By then the first pings have been answered.
         if look > 400 {
             let tick_ms = 1e3 / 60.0;
             error = error.max((time.now - world).abs() * tick_ms);

@@ -1,15 +1,16 @@
-//! Tests that a participant that computes otherwise than it should is found, and that no other one is accused.
+//! Tests that a participant that computes wrongly is found, and that no other participant is accused.
 
 use super::*;
 use crate::protocol::{Finding, Hindrance};
 use crate::space::Balance;
 
-/// A cluster in which every third node is dedicated, the first of which leads, and the others are participants that are verified.
+/// Starts a cluster in which every third node is dedicated, and the first of these leads. The other nodes are
+/// participants that are verified.
 fn verified(seed: u64, nodes: u32) -> Sim {
     Sim::new(SimConfig { verify: true, ..config(seed, nodes) })
 }
 
-/// Runs until a participant has been found to deviate; returns which, and in which tick.
+/// Runs until a participant has been found to deviate. Returns which one, and the tick.
 fn found(sim: &mut Sim) -> (NodeId, Tick) {
     let deviates = |&(node, tick, finding): &(NodeId, Tick, Finding)| {
         matches!(finding, Finding::Deviates(_)).then_some((node, tick))
@@ -31,7 +32,8 @@ fn what_participants_compute_is_computed_once_more_from_its_first_tick_on() {
     assert!((2 * 295..=2 * 302).contains(&ticks), "{ticks} ticks of two participants");
 }
 
-/// A single bit of a single body, once: it is told to clients with every third tick, and to neighbours with each.
+/// A single bit of a single body is flipped once. Clients are told of the body every third tick, neighbours
+/// every tick.
 #[test]
 fn a_participant_that_computes_otherwise_by_one_bit_is_found_within_three_ticks_and_goes() {
     let mut tried = 0;
@@ -41,7 +43,7 @@ fn a_participant_that_computes_otherwise_by_one_bit_is_found_within_three_ticks_
         sim.flip(cheat, Tick(30));
         sim.run_until(|sim| sim.flipped().is_some()).unwrap();
         let flipped = sim.flipped().unwrap().clone();
-        // The last bits of a place may be lost as it moves on, before anybody is told.
+        // The last bits of a place may be lost as the body moves on, before anybody is told.
         if flipped.field.starts_with("translation") {
             continue;
         }
@@ -54,7 +56,7 @@ fn a_participant_that_computes_otherwise_by_one_bit_is_found_within_three_ticks_
         let later = Tick(sim.tick().0 + 30);
         sim.run_to(later).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         assert_eq!(sim.checker().owned(), 40, "seed {seed}: what it computed is taken over");
-        // What it said at its end nobody may know, and so not what another one did with it.
+        // Nobody may know what the cheat said at its end, and so what another participant did with it.
         let others = sim.findings.iter().filter(|(node, ..)| *node != cheat);
         assert!(
             others.into_iter().all(|found| !matches!(found.2, Finding::Deviates(_))),
@@ -75,7 +77,7 @@ fn who_tells_a_dedicated_node_what_it_has_not_computed_is_found() {
     assert_eq!(found(&mut sim).0, cheat);
 }
 
-/// What one participant tells another nobody else has heard: both are named, and neither has to go.
+/// Nobody else has heard what one participant tells another. Both are named, and neither has to go.
 #[test]
 fn of_two_participants_that_contradict_each_other_neither_goes() {
     let mut sim = Sim::new(SimConfig { verify: true, regions: 4, ..config(4, 4) });
@@ -86,7 +88,7 @@ fn of_two_participants_that_contradict_each_other_neither_goes() {
     sim.run_for(Duration::from_secs(2)).unwrap();
     let mut found: Vec<_> = sim.findings.iter().map(|&(node, _, finding)| (node, finding)).collect();
     found.sort_by_key(|(node, _)| *node);
-    // It is known what the liar was told, and not what the other one was.
+    // It is known what the liar was told, but not what the other one was told.
     let (of_liar, of_other) = (Finding::Contradicts(other), Finding::Contradicts(liar));
     assert_eq!(found, [(liar, of_liar), (other, of_other), (other, Finding::GivenUp(Hindrance::Unknown))]);
     assert_eq!(sim.server().view().unwrap().members.len(), 4);
@@ -158,7 +160,7 @@ fn without_a_dedicated_node_nobody_is_verified_which_is_said() {
     assert_eq!(found, [(NodeId(3), Finding::GivenUp(Hindrance::Unled))]);
 }
 
-/// It is computed by threads of their own, which may come to it late or never.
+/// Threads of their own compute it, and may come to it late or never.
 #[test]
 fn the_world_does_not_wait_for_what_is_computed_once_more() {
     let run = |slow_verifier| {
@@ -174,7 +176,7 @@ fn the_world_does_not_wait_for_what_is_computed_once_more() {
     assert!(slow < usual + Duration::from_millis(100), "{slow:?}, usually {usual:?}");
 }
 
-/// Regions follow the load, so that all of a participant's are born in a view, and empty.
+/// Regions follow the load, so that all regions of a participant are born in a view, and empty.
 #[test]
 fn regions_that_are_cut_and_merged_are_verified_too() {
     for seed in 0..5 {
@@ -202,7 +204,7 @@ fn nothing_is_sent_for_it_where_no_participant_is() {
     assert_eq!(sent(true), sent(false));
 }
 
-/// Runs seeds of trials in which two of three nodes are participants; returns how many ticks were verified.
+/// Runs seeds of trials in which two of three nodes are participants. Returns how many ticks were verified.
 fn trials(config: &TrialConfig, profiles: &[FaultProfile], seeds: std::ops::Range<u64>) -> u64 {
     let mut verified = 0;
     for (&profile, seed) in profiles.iter().flat_map(|profile| seeds.clone().map(move |seed| (profile, seed)))

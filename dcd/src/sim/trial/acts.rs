@@ -69,7 +69,7 @@ impl Trial<'_> {
                     self.disturbed();
                 }
             }
-            // A program stops with its server.
+            // The program stops with its server.
             Action::Save | Action::Restore => {}
             Action::Use(client) => self.use_client(client),
             Action::Look => self.look()?,
@@ -123,7 +123,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Returns the process that is meant, if there is one.
+    /// Returns the process that a victim names, if there is one.
     fn find(&self, victim: Victim) -> Option<Peer> {
         let nodes: Vec<NodeId> = self.sim.nodes.keys().copied().collect();
         let node = || Some(Peer::Node(*nodes.get(victim.pick as usize % nodes.len().max(1))?));
@@ -149,7 +149,7 @@ impl Trial<'_> {
     fn kill(&mut self, victim: Victim, back_after: Duration) {
         let Some(peer) = self.find(victim) else { return };
         let peer = match peer {
-            // Deaths between storing and sending are met on purpose half of the time.
+            // Half of the time the server is made to die between storing and sending.
             Peer::Server if victim.pick.is_multiple_of(2) => {
                 self.sim.crash_after_store((victim.pick / 2 % 8) as u32);
                 self.stir();
@@ -205,7 +205,7 @@ impl Trial<'_> {
         self.plan(until, Action::Healed(hinders));
     }
 
-    /// Sets how many nodes there are to be: some leave, or the next look lets some begin.
+    /// Sets how many nodes there are to be. Surplus nodes leave; the next look lets missing ones begin.
     fn populate(&mut self, count: u32) {
         self.population = Some(count);
         let nodes: Vec<_> = self.sim.nodes.keys().copied().collect();
@@ -233,12 +233,13 @@ impl Trial<'_> {
         }
     }
 
-    /// Lets a user have an avatar and move it about.
+    /// Lets a user have an avatar, and move it about.
     fn use_client(&mut self, client: ClientId) {
         if self.healed_at.is_some() {
             return;
         }
-        // A user that turns all the time is nowhere near where other groups extrapolate it: users let them catch up at last.
+        // An avatar that turns all the time is nowhere near where other groups extrapolate it. In the calm
+        // users let groups catch up.
         let lets_settle = self.sites > 1 && self.calm_since.is_some();
         let (least, most) = if lets_settle { (2_000, 4_000) } else { (300, 1_200) };
         let pause = self.random.between_ms(least, most);
@@ -250,7 +251,7 @@ impl Trial<'_> {
         }
         let avatar = BodyId::avatar(client, 0);
         if machine.body(avatar).is_none() {
-            // At most one input at a time: it is kept until it is answered.
+            // The avatar is asked for only once, because the request is kept until it is answered.
             if self.spawned.insert(client) {
                 let place = [self.random.unit() * 16.0, 4.0, 4.0];
                 self.sim
@@ -273,7 +274,8 @@ impl Trial<'_> {
 }
 
 impl Trial<'_> {
-    /// Returns whether the world may wait for a process: for a client it never does, unless that computes, too.
+    /// Returns whether the world may wait for a process. It never waits for a client, unless the client's
+    /// process computes too.
     fn hinders(&self, peer: Peer) -> bool {
         self.sites > 1 || !matches!(peer, Peer::Client(_))
     }
@@ -284,7 +286,7 @@ impl Trial<'_> {
         network.passes(self.sim.now, a, b) && network.passes(self.sim.now, b, a)
     }
 
-    /// Returns whether any node lives and is not stopped: without one nothing recovers.
+    /// Returns whether any node lives and is not stopped. Without one, nothing recovers.
     pub(super) fn has_nodes(&self) -> bool {
         self.sim.nodes.keys().any(|&node| self.runs(Peer::Node(node)))
     }

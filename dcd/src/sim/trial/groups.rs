@@ -1,4 +1,5 @@
-//! Checks trials with several groups: places processes at sites, and checks that groups form and agree as they should.
+//! Checks trials with several groups: places processes at sites, and checks that groups form and agree as
+//! they should.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,10 +9,12 @@ use crate::cluster::{Peer, Server};
 use crate::sim::{Apart, Deviating};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
-/// Longest time that a body may be farther than the threshold from its place in the group that is authoritative for it, or a leader
-/// be wrong about which group that is: longer than the time until that is heard and corrected.
+/// The longest time that a body may be farther than the threshold from its place in its authoritative group,
+/// or that a leader may be wrong about which group that is. It is longer than the time until such an error is
+/// heard of and corrected.
 const APART: Duration = Duration::from_secs(3);
-/// Largest time that groups may be apart when all is calm: the delay from one to another, and the lead of the main one.
+/// The largest time that groups may be apart when all is calm: the delay from one to another, and the lead of
+/// the main group.
 const OUT_OF_STEP: Duration = Duration::from_millis(200);
 
 impl Trial<'_> {
@@ -23,7 +26,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Begins a node where one is missing, in one process with a client that is missing.
+    /// Begins a node where one is missing, in one process with a client if one is missing.
     pub(super) fn begin_node(&mut self) -> NodeId {
         let site = |peer| self.sim.network.conditions.site(peer);
         let is_missing = |client: &&ClientId| self.sites > 1 && !self.sim.clients.contains_key(client);
@@ -49,7 +52,8 @@ impl Trial<'_> {
         (node, client)
     }
 
-    /// Notes which bodies are near enough to their places in the authoritative group, and which leaders know which group that is.
+    /// Notes which bodies are near enough to their places in the authoritative group, and which leaders know
+    /// which group that is.
     pub(super) fn compare_groups(&mut self) {
         let Some(server) = self.sim.server.as_ref().filter(|_| self.sites > 1) else { return };
         let leader = |node: NodeId| self.sim.nodes.get(&node).and_then(|process| process.machine.leader());
@@ -68,7 +72,7 @@ impl Trial<'_> {
         }
     }
 
-    /// Returns why there is not one group at each site.
+    /// Returns in words why there is not one group at each site.
     pub(super) fn lacks_groups(&self, server: &Server) -> Option<String> {
         let site = |node| self.sim.network.conditions.site(Peer::Node(node));
         for (group, view) in server.views() {
@@ -82,7 +86,8 @@ impl Trial<'_> {
         (groups as u32 != self.sites).then(|| format!("there are {groups} groups at {} sites", self.sites))
     }
 
-    /// Returns why groups are not in step, have not the same bodies in the same places, or do not know which group is authoritative.
+    /// Returns in words why groups are out of step, have different bodies or places of bodies, or do not know
+    /// which group is authoritative.
     pub(super) fn lacks_agreement(&self, server: &Server) -> Option<String> {
         let main = server.main_group();
         let tick = |group| self.sim.checker.progress(group).map_or(0, |(_, tick)| tick.0);
@@ -110,7 +115,8 @@ impl Trial<'_> {
 pub(super) struct Lately(BTreeMap<(GroupId, BodyId), Duration>);
 
 impl Lately {
-    /// Notes for which bodies it is true now; of a new one it has been so far, and those not named are forgotten.
+    /// Notes for which bodies it is true now. It counts as true so far for a new body. Bodies that are not
+    /// named are forgotten.
     fn note(&mut self, now: Duration, all: impl Iterator<Item = ((GroupId, BodyId), bool)>) {
         let before = std::mem::take(&mut self.0);
         let last =
@@ -118,7 +124,7 @@ impl Lately {
         self.0 = all.map(last).collect();
     }
 
-    /// Returns a body of which it has not been true for too long, and since when.
+    /// Returns a body for which it has not been true for too long, and since when.
     fn lost(&self, now: Duration) -> Option<(GroupId, BodyId, Duration)> {
         let lost = self.0.iter().find(|(_, at)| **at + APART < now);
         lost.map(|(&(group, body), &at)| (group, body, at))

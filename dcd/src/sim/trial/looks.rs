@@ -1,5 +1,5 @@
-//! Looks at a trial at intervals: checks memberships, clocks, queues and timely recovery, measures staleness and pauses, and
-//! replaces nodes that ended.
+//! Looks at a trial at intervals: checks memberships, clocks, queues and timely recovery, measures staleness
+//! and pauses, and replaces nodes that have ended.
 
 use std::time::Duration;
 
@@ -10,26 +10,27 @@ use crate::sim::Violation;
 use crate::sim::fixtures::as_fast;
 use crate::space::{BodyId, ClientId, GroupId};
 
-/// Longest time that members of a group may be cut off from one another: until their links end, they have complained, and the
-/// server has done something about it.
+/// The longest time that members of a group may be cut off from one another: until their links end, they have
+/// complained, and the server has acted.
 const APART: Duration = Duration::from_secs(6);
-/// Longest time until a client sees its avatar follow an input, when all is calm.
+/// The longest time until a client sees its avatar follow an input, when all is calm.
 const OBEYED: Duration = Duration::from_millis(500);
-/// The age from which on what a client knows of a body that moves is too old when all is calm, in ticks.
+/// The age above which a client's state of a moving body is too old when all is calm, ticks.
 const FRESH_TICKS: u64 = 60;
-/// Time after which clocks are known: once there were some pings.
+/// The time after which clocks are known, because some pings have been answered.
 const CLOCKS_KNOWN: Duration = Duration::from_secs(10);
 
-/// A histogram of ages, in bins of a millisecond; the last is for all that was older.
+/// A histogram of ages, in bins of a millisecond. The last bin is for all older ages.
 #[derive(Clone, Debug)]
 pub struct Staleness {
     bins: Vec<u32>,
 }
 
-/// Worlds of fewer bodies are not shared out evenly.
+/// The least number of bodies that are shared out evenly.
 const FREE_BODIES: usize = 25;
-/// The most that a node which is ten times slower owns of an equal share when all is calm. In proportion to its speed it would be 0.13 of four
-/// nodes', which is the median of what is looked at; some looks find a quarter.
+/// The largest share of an equal share that a node which is ten times slower may own when all is calm. In
+/// proportion to its speed it would be 0.13 with four nodes, which is the median of the looks; some looks
+/// find a quarter.
 const SLOW_SHARE: f64 = 0.2;
 
 impl Default for Staleness {
@@ -49,7 +50,8 @@ impl Staleness {
         self.bins.iter_mut().zip(&other.bins).for_each(|(bin, other)| *bin += other);
     }
 
-    /// Returns the age that this share is not older than, milliseconds; `None` when nothing was looked at.
+    /// Returns the age that this share of the looks does not exceed, milliseconds; `None` if nothing was
+    /// looked at.
     pub fn quantile_ms(&self, share: f64) -> Option<u32> {
         let total: u64 = self.bins.iter().map(|&bin| u64::from(bin)).sum();
         let mut left = (total as f64 * share).ceil() as u64;
@@ -99,7 +101,7 @@ impl Trial<'_> {
                 Some(lack) if since + calm < now => {
                     return Err(Violation::Unhealed { after: now - since, lack });
                 }
-                // Faults before the calm may yet be noticed.
+                // Faults before the calm may still be noticed.
                 Some(_) => self.healed_at = None,
             }
         }
@@ -108,15 +110,16 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Returns when a tick of the main group was last checked; of any, where there is one at a time.
+    /// Returns when a tick of the main group was last checked. With one site, a tick of any group counts.
     fn ticked_at(&self) -> Duration {
         let main = self.sim.server.as_ref().filter(|_| self.sites > 1).map(|server| server.main_group());
         let of_main = main.and_then(|group| self.sim.checked_at.get(&group).copied());
         of_main.unwrap_or(self.progressed_at)
     }
 
-    /// Returns what has kept the main group, or with several sites any that has a live member, from computing on, all members live,
-    /// since a time. A group of none but the dead keeps nobody waiting.
+    /// Returns in words what has kept the main group from computing on since a time, with all its members
+    /// live. With several sites, every group that has a live member counts: a group of dead members keeps
+    /// nobody waiting.
     pub(super) fn lacks_steadiness(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
         if server.view().is_none() {
@@ -143,7 +146,7 @@ impl Trial<'_> {
         None
     }
 
-    /// Returns the condition that does not hold once all is calm.
+    /// Returns in words the condition that does not hold once all is calm.
     fn lack(&self, since: Duration) -> Option<String> {
         let Some(server) = &self.sim.server else { return Some("the server is dead".into()) };
         let recently = since.max(self.sim.now.saturating_sub(Duration::from_millis(500)));
@@ -174,7 +177,8 @@ impl Trial<'_> {
         lack.or_else(|| self.clients.iter().find_map(|&client| self.sim.lacks_body(client, FRESH_TICKS)))
     }
 
-    /// Returns who has nothing to do though regions follow the load, or too much for its speed.
+    /// Returns in words which node has nothing to do though regions follow the load, or too much for its
+    /// speed.
     fn lacks_balance(&self, server: &Server) -> Option<String> {
         self.sim.config.balance?;
         let view = server.view()?;
@@ -187,7 +191,7 @@ impl Trial<'_> {
             return Some(format!("{} has no region", member.node));
         }
         let (slow, share) = self.slow_node.filter(|(node, _)| self.sim.nodes.contains_key(node))?;
-        // A stack or a chain is one island, which is somewhere whole.
+        // A stack or a chain is one island, which is in one place as a whole.
         if self.sim.checker.bodies(server.main_group()).count() < FREE_BODIES {
             return None;
         }
@@ -230,9 +234,9 @@ impl Trial<'_> {
         }
     }
 
-    /// Notes the ages of clients' states of their avatars; speculative ticks do not count.
+    /// Notes the ages of clients' states of their avatars. Speculative ticks do not count.
     fn note_staleness(&mut self) {
-        // Ticks of several groups do not compare.
+        // Ticks of several groups cannot be compared.
         for &client in self.clients.iter().filter(|_| self.sites == 1) {
             let avatar = BodyId::avatar(client, 0);
             let Some(machine) = self.sim.clients.get(&client).filter(|machine| machine.is_joined()) else {
@@ -244,7 +248,7 @@ impl Trial<'_> {
             let seen = &view.body.state;
             let off = |axis: usize| (seen.pose.translation[axis] - present.pose.translation[axis]).abs();
             let faster = |axis: usize| (seen.velocity.linear[axis] - present.velocity.linear[axis]).abs();
-            // But for what states are rounded by.
+            // States are compared up to their rounding.
             if (0..3).all(|axis| off(axis) <= 0.001 && faster(axis) <= 0.006) {
                 self.staleness.add(Duration::ZERO);
             } else if let Some(&at) = self.settled_at.get(&view.settled_tick()) {
@@ -257,7 +261,7 @@ impl Trial<'_> {
         self.worst_pause = self.worst_pause.max(self.sim.now - self.progressed_at);
     }
 
-    /// Replaces a node that has ended by another, as a supervisor would.
+    /// Plans a replacement for each node that has ended, as a supervisor would.
     fn replace_nodes(&mut self) {
         let missing = self.wanted_nodes().saturating_sub(self.sim.nodes.len() as u32 + self.expected_nodes);
         for _ in 0..missing {
@@ -267,7 +271,8 @@ impl Trial<'_> {
         }
     }
 
-    /// Checks that groups are cliques, as far as the server can know, and that nobody was expelled who need not go.
+    /// Checks that groups are cliques, as far as the server can know, and that no node was expelled without
+    /// need.
     fn check_members(&mut self) -> Result<(), Violation> {
         if self.promise.no_eviction {
             let mut expelled = self.sim.expelled.iter().copied();
@@ -301,7 +306,8 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Checks that nodes' estimates of others' clocks are within their bounds; the server's clock is known well.
+    /// Checks that nodes' estimates of other clocks are within their bounds. The bound for the server's clock
+    /// is tighter where it is promised.
     fn check_clocks(&self) -> Result<(), Violation> {
         let now = self.sim.now;
         let is_known = |peer| peer == Peer::Server && CLOCKS_KNOWN < now;

@@ -3,24 +3,25 @@
 use super::{Look, Quantity, Ruler, Strain};
 use crate::space::Tick;
 
-/// How many ticks a mean needs.
+/// The number of ticks that a mean needs.
 const ENOUGH: u32 = 150;
 
-/// The way of a world through its ticks.
+/// The course of a world through its ticks.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     before: Option<(Tick, Look)>,
-    /// Momentum that contacts did not keep, over how many ticks.
+    /// The momentum that contacts did not keep, summed up, and over how many ticks.
     drift: (f64, u32),
 }
 
 impl Course {
-    /// Notes that what follows does not follow from what was before.
+    /// Notes that the next look does not follow from the look before.
     pub fn interrupt(&mut self) {
         self.before = None;
     }
 
-    /// Takes the next look, and returns what moved bodies since the one before, if that was of the tick before.
+    /// Takes in the next look. Returns what moved bodies since the look before, if that was of the tick
+    /// before.
     pub fn follow(&mut self, ruler: &Ruler, tick: Tick, look: Look) -> Strain {
         let before = self.before.take().filter(|(before, _)| before.next() == tick);
         let found = before.map(|(_, before)| ruler.of_motion(&before, &look));

@@ -1,4 +1,4 @@
-//! Measures a world of bodies that touch: how far they strayed, how far joints are open, and what moved them.
+//! Measures a world of touching bodies: how far they strayed, how far joints are open, and what moved them.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,8 @@ use crate::cluster::deviation_m;
 use crate::protocol::{BodyKind, BodyRecord, BodyState, JointRecord, Pose, WorldPose};
 use crate::space::{BodyId, Bounds};
 
-/// Room between two bodies that do not touch, beside what they move in a tick, metres: the solver sees contacts from 2 mm on.
+/// The gap between two bodies beyond which they do not touch, besides what they move in a tick, metres. The
+/// solver sees contacts from 2 mm on.
 const CLEAR_M: f64 = 0.02;
 
 /// A quantity that has a gate.
@@ -17,17 +18,18 @@ const CLEAR_M: f64 = 0.02;
 pub enum Quantity {
     /// The deepest overlap.
     Overlap,
-    /// The farthest that something which stands is from where it began.
+    /// The largest distance of a standing body from where it began.
     Stray,
-    /// The farthest that the two ends of a joint are apart.
+    /// The largest distance between the two ends of a joint.
     Gap,
-    /// Energy that the world has more than at its beginning, as a share of what moves in it.
+    /// The energy that the world has gained since its beginning, as a share of the energy that moves in it.
     Gain,
-    /// Velocity that a body got which touches nothing.
+    /// The change of velocity of a body that touches nothing.
     Push,
-    /// How far a body that touches nothing is from where its velocity brought it.
+    /// The distance of a body that touches nothing from where its velocity brought it.
     Leap,
-    /// Velocity that bodies which touch one another and nothing else got, all together: in a tick, and as a mean of many.
+    /// The change of the velocities, all together, of bodies that touch one another and nothing else: in a
+    /// tick, and as a mean of many.
     Drift,
 }
 
@@ -49,7 +51,7 @@ impl Quantity {
         }
     }
 
-    /// Returns what it means that the quantity is too large.
+    /// Returns what it means for people that the quantity is too large.
     pub const fn summary(self) -> &'static str {
         match self {
             Self::Overlap => "two bodies overlap",
@@ -62,7 +64,7 @@ impl Quantity {
         }
     }
 
-    /// Returns its value with a unit.
+    /// Returns the quantity's value with a unit.
     pub(super) fn told(self, strain: &Strain) -> String {
         let value = strain.of(self);
         match self {
@@ -73,12 +75,12 @@ impl Quantity {
     }
 }
 
-/// A value of each quantity, in metres, metres per second and shares.
+/// A value of each quantity, in metres, metres per second, or as a share.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Strain([f64; Quantity::ALL.len()]);
 
 impl Strain {
-    /// Makes one of a value of each quantity.
+    /// Creates a strain from a value of each quantity.
     pub fn each(value: impl Fn(Quantity) -> f64) -> Self {
         Self(Quantity::ALL.map(value))
     }
@@ -93,7 +95,7 @@ impl Strain {
         self.0.into_iter().fold(0.0, worse)
     }
 
-    /// Returns the greater of each quantity; what is no number is greater than all.
+    /// Returns the greater value of each quantity. A value that is no number is greater than all.
     #[must_use]
     pub fn or_worse(self, other: Self) -> Self {
         Self::each(|quantity| worse(self.of(quantity), other.of(quantity)))
@@ -108,7 +110,8 @@ fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// What the world of a trial is measured by: where its bodies began, what ties them, and where balls fly freely.
+/// What the world of a trial is measured by: where its bodies began, what ties them, and where balls fly
+/// freely.
 #[derive(Clone, Debug)]
 pub struct Ruler {
     dt_s: f64,
@@ -119,16 +122,16 @@ pub struct Ruler {
     stands: bool,
     /// The ends of each joint, on two bodies.
     joints: Vec<[(BodyId, Point3<f64>); 2]>,
-    /// The room in which balls fly freely and how large these are, metres.
+    /// The room in which balls fly freely, and the radius of these balls, metres.
     flight: Option<(Bounds, f64)>,
-    /// Speed at the beginning of bodies that touch nothing but walls, along each axis: they keep it.
+    /// The speed along each axis at the beginning of bodies that touch nothing but walls. They keep it.
     speeds: BTreeMap<BodyId, [f32; 3]>,
-    /// Energy at the beginning, and what moves in the world, joules.
+    /// The energy at the beginning, and what moves in the world, joules.
     energy_j: (f64, f64),
 }
 
 impl Ruler {
-    /// Creates a ruler for these bodies and joints, stepped `dt_s` at a time.
+    /// Creates a ruler for these bodies and joints, which are stepped by `dt_s` seconds at a time.
     pub fn new(dt_s: f32, bodies: &[BodyRecord], joints: &[JointRecord]) -> Self {
         let end = |body, frame: Pose| (body, Point3::from(frame.translation.map(f64::from)));
         let poses = |are_fixed: bool| {
@@ -150,25 +153,25 @@ impl Ruler {
         }
     }
 
-    /// Says that bodies are to stay where they began.
+    /// Returns the same ruler for bodies that are to stay where they began.
     #[must_use]
     pub fn standing(self) -> Self {
         Self { stands: true, ..self }
     }
 
-    /// Says that balls of equal mass fly without gravity in this box.
+    /// Returns the same ruler for balls of equal mass that fly without gravity in this box.
     #[must_use]
     pub fn flying(self, room: Bounds, radius_m: f64) -> Self {
         Self { flight: Some((room, radius_m)), ..self }
     }
 
-    /// Says that these bodies fly on for ever, as points do that walls alone turn back.
+    /// Returns the same ruler for these bodies, which fly on for ever, like points that only walls turn back.
     #[must_use]
     pub fn passing(self, bodies: &[BodyRecord]) -> Self {
         Self { speeds: bodies.iter().map(|body| (body.id, speed(&body.state))).collect(), ..self }
     }
 
-    /// Says what energy there was at the beginning, and the scale of a gain.
+    /// Returns the same ruler with the energy at the beginning and the scale of a gain, joules.
     #[must_use]
     pub fn with_energy(self, start_j: f64, scale_j: f64) -> Self {
         Self { energy_j: (start_j, scale_j), ..self }
@@ -179,7 +182,7 @@ impl Ruler {
         look.bodies.len() == self.starts.len()
     }
 
-    /// Measures where bodies are.
+    /// Measures where bodies are, how deep they overlap, and what energy they have.
     pub fn of_place(&self, look: &Look) -> Strain {
         let (start_j, scale_j) = self.energy_j;
         Strain::each(|quantity| match quantity {
@@ -194,7 +197,8 @@ impl Ruler {
         })
     }
 
-    /// Measures how fast bodies are that keep their speed, whatever was recovered since: no tick before is needed.
+    /// Measures whether bodies that are to keep their speed have it. It needs no tick before, so it holds
+    /// whatever was recovered since.
     pub fn of_speed(&self, look: &Look) -> Strain {
         let of = |(id, state): (&BodyId, &BodyState)| {
             let (was, is) = (self.speeds.get(id)?, speed(state));
@@ -204,7 +208,7 @@ impl Ruler {
         Strain::each(|quantity| if quantity == Quantity::Push { push } else { 0.0 })
     }
 
-    /// Returns how far the ends of a joint are apart; `None` without its bodies.
+    /// Returns how far apart the ends of a joint are, metres; `None` if one of its bodies is missing.
     fn gap_m(&self, look: &Look, [a, b]: &[(BodyId, Point3<f64>); 2]) -> Option<f64> {
         let place = |(id, end): &(BodyId, Point3<f64>)| {
             let pose = look.bodies.get(id).map(|state| &state.pose).or_else(|| self.fixed.get(id))?;
@@ -245,11 +249,11 @@ fn speed(state: &BodyState) -> [f32; 3] {
     state.velocity.linear.map(f32::abs)
 }
 
-/// A ball in one tick.
+/// A ball in one tick, with its places before and after.
 #[derive(Clone, Copy, Debug)]
 struct Ball {
     places: [Point3<f64>; 2],
-    /// How far from its places it may have touched something.
+    /// How far from its places it may have touched something, metres.
     reach_m: f64,
     push: Vector3<f64>,
     leap_m: f64,
@@ -272,7 +276,7 @@ impl Ball {
         (0..2).any(|at| (self.places[at] - other.places[at]).norm() <= reach_m)
     }
 
-    /// Returns whether it is too far from the walls of its room to touch one.
+    /// Returns whether the ball is too far from the walls of its room to touch one.
     fn is_inside(&self, room: &Bounds) -> bool {
         let clear = |place: &Point3<f64>| {
             (0..3).all(|i| place[i] - self.reach_m > room.min[i] && place[i] + self.reach_m < room.max[i])
@@ -281,7 +285,8 @@ impl Ball {
     }
 }
 
-/// Returns balls by those that may have touched one another in the tick, directly or by others.
+/// Returns the balls grouped by those that may have touched one another in the tick, directly or through
+/// others.
 fn companies(balls: &[Ball]) -> Vec<Vec<Ball>> {
     let mut left = balls.to_vec();
     let mut companies = Vec::new();

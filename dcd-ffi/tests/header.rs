@@ -38,7 +38,7 @@ use dcd_ffi::vehicle::*;
 use dcd_ffi::view::*;
 use dcd_ffi::world::*;
 
-/// The size of a struct and where its members lie, as Rust has it.
+/// The layout of a struct in Rust: its size, and the offsets of its members.
 struct Layout {
     name: &'static str,
     size: usize,
@@ -357,7 +357,7 @@ fn versions() -> String {
     )
 }
 
-/// Compile-time checks that C lays the structs out as Rust does.
+/// Returns compile-time checks that C lays the structs out as Rust does.
 fn asserts() -> String {
     let mut text = String::from(
         "\n/* The library's own layout, on 64-bit systems: a compiler that differs says so here. */\n\
@@ -392,7 +392,7 @@ fn generate() -> String {
         let words: Vec<_> = line.split(' ').collect();
         match words[..] {
             ["typedef", "struct", ..] => format!("{line}\n"),
-            // A macro stands in any expression.
+            // In brackets, as a macro may stand in any expression.
             ["#define", name, value] if value.starts_with('-') => format!("#define {name} ({value})\n"),
             // Every struct is a typedef before it is used, so its uses need no `struct`.
             _ => line.replace("struct Dcd", "Dcd") + "\n",
@@ -435,7 +435,7 @@ fn every_struct_of_the_header_has_its_layout_asserted() {
 
 #[test]
 fn no_struct_has_padding_that_a_program_could_leave_undefined() {
-    // Members end where the next begins: seen from the header's types.
+    // Each member must end where the next begins. Sizes come from the types in the header.
     let header = generate();
     for layout in layouts() {
         let body = header.split(&format!("typedef struct {} {{", layout.name)).nth(1).expect("it is there");
@@ -454,7 +454,7 @@ fn no_struct_has_padding_that_a_program_could_leave_undefined() {
     }
 }
 
-/// The size of a member by its declaration, as `float q[4];`.
+/// Returns the size of a member by its declaration, as `float q[4];`.
 fn size_of_member(declaration: &str) -> usize {
     let declaration = declaration.trim_end_matches(';').trim_start_matches("struct ");
     let (name, count) = match declaration.split_once('[') {

@@ -1,14 +1,15 @@
-//! Reads the heads of HTTP requests and writes short answers, for the viewer and for metrics.
+//! Reads the heads of HTTP requests and writes short responses, for the viewer and the metrics endpoint.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// The longest head of a request, and the most headers.
+/// The longest head of a request, in bytes; below, the most headers.
 const MOST_HEAD: usize = 16 << 10;
 const MOST_HEADERS: usize = 64;
 
-/// Reads the head of a request and returns what `judge` makes of it and of the bytes that came after it; `None` if it is none.
+/// Reads the head of a request and returns what `judge` makes of it and of the bytes that follow it. Returns
+/// `None` if the bytes are no HTTP request, or the head is too long.
 pub(crate) fn read_head<T>(
     from: &mut impl Read,
     judge: impl FnOnce(&httparse::Request<'_, '_>, &[u8]) -> T,
@@ -31,7 +32,7 @@ pub(crate) fn read_head<T>(
     }
 }
 
-/// A stream whose bytes must all have come, or gone, by a time, however few do at once.
+/// A stream with one deadline for all its reads and writes together, however few bytes each of them moves.
 pub(crate) struct Timely<'a> {
     stream: &'a TcpStream,
     until: Instant,
@@ -68,7 +69,7 @@ impl Write for Timely<'_> {
     }
 }
 
-/// Writes an answer whole, after which the connection ends. `headers` end with `\r\n`, each.
+/// Writes a whole response, after which the connection ends. Each line of `headers` ends with `\r\n`.
 pub(crate) fn write_answer(
     to: &mut impl Write,
     status: &str,

@@ -1,4 +1,5 @@
-//! Holds the manual: concepts, couplings, serving, operating, seeing, recording, fidelity, engines, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, operating, seeing, recording, fidelity, engines, limits
+//! and architecture. It says what the documentation of single items does not.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}

@@ -1,9 +1,9 @@
-//! Lets libFuzzer run a target of `dcd_tests::fuzz`, and change its inputs as that does.
+//! Lets libFuzzer run the targets of `dcd_tests::fuzz`, and change their inputs as that module does.
 
 pub use dcd_tests::fuzz;
 pub use libfuzzer_sys;
 
-/// Changes an input in its place; half of the changes are libFuzzer's own.
+/// Changes an input in place, and returns its new length. Half of the changes are libFuzzer's own.
 pub fn change(name: &str, data: &mut [u8], length: usize, room: usize, seed: u32) -> usize {
     if seed % 2 == 0 {
         return libfuzzer_sys::fuzzer_mutate(data, length, room);

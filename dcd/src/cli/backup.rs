@@ -1,4 +1,4 @@
-//! Implements `dcd backup`: copies the data folder of a server that runs.
+//! Implements `dcd backup`: copies the data folder of a running server.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,12 +9,13 @@ use super::requests::{Verb, ask_about_file};
 use super::values::is_used;
 use crate::runtime::{ProcessError, is_served};
 
-/// Copies the data folder of a server that runs: world, keys and joins
+/// Copies the data folder of a running server: world, keys and joins
 ///
-/// With the copy in place of its --data a server goes on as this one would if it died now: nodes and clients are who they were, and used
-/// tokens stay used. The world runs on meanwhile. The server writes the copy, so it must be able to. Where no server runs, copy the folder.
+/// A server with the copy as its --data goes on as this one would if it died now: nodes and clients keep
+/// their identities, and used tokens stay used. The world runs on meanwhile. The server writes the copy, so
+/// it needs the permissions for that. If no server runs, copy the folder yourself.
 ///
-/// `dcd save` writes the bodies of the world alone, as they are after one tick.
+/// `dcd save` writes only the bodies of the world, as they are after one tick.
 ///
 /// Example:
 ///   dcd backup --data /var/lib/dcd /var/lib/dcd-backup/monday
@@ -24,7 +25,7 @@ pub(super) struct Backup {
     /// The server's data folder
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
-    /// The folder to make; it must not be there yet. Who can read it can let processes in
+    /// The folder to create; it must not exist yet. Whoever can read it can let processes in
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
 }

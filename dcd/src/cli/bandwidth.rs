@@ -1,10 +1,10 @@
-//! Prints what a client was sent, and what for.
+//! Reports how many bytes a client was sent, and what for.
 
 use serde::Serialize;
 
 use crate::runtime::Bandwidth;
 
-/// The width of the longest bar.
+/// The width of the longest bar, characters.
 const BAR: f64 = 24.0;
 
 /// Bytes by what messages are about, by the fields of states, and by body.
@@ -39,7 +39,7 @@ impl Report {
         }
     }
 
-    /// Returns a line for each, with a bar as long as its share.
+    /// Returns a line for each cost, with a bar as long as its share of the largest one.
     pub(super) fn rows(&self) -> Vec<(&'static str, String)> {
         let part = |title: &'static str, costs: &[Cost]| {
             let most = costs.iter().map(|cost| cost.bytes).fold(1.0, f64::max);

@@ -1,4 +1,4 @@
-//! Implements `dcd client`: avatars that wander through a served world, for load.
+//! Implements `dcd client`: lets avatars wander through a served world, for load.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -26,11 +26,11 @@ use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
 use crate::space::{BodyId, Bounds};
 
-/// Interval at which Ctrl-C is looked for when the world stands still.
+/// The interval at which Ctrl-C is looked for while the world stands still.
 const LOOK: Duration = Duration::from_millis(100);
-/// Time after which an avatar that has not reached its goal chooses another.
+/// The time after which an avatar that has not reached its goal chooses another.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The time after which a world that one has joined is no longer among the traffic.
+/// The time after joining from which on the transfer of the whole world no longer counts as traffic.
 const SETTLED: Duration = Duration::from_millis(500);
 /// Half the edge of an avatar's box.
 const HALF_M: f32 = 0.4;
@@ -51,7 +51,8 @@ const HALF_M: f32 = 0.4;
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
-    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    /// The server's address; with standby servers (`dcd serve --directory`) all addresses, separated by
+    /// commas
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
     server: Vec<SocketAddr>,
     #[command(flatten)]
@@ -65,7 +66,8 @@ pub(super) struct Client {
     /// How fast avatars go, m/s
     #[arg(long, value_name = "M_S", default_value_t = 3.0, value_parser = speed)]
     speed: f32,
-    /// Hear only of what is within so many metres of the first avatar, or of the middle of a world without one
+    /// Hear only of bodies within so many metres of the first avatar, or of the middle of the world without
+    /// one
     #[arg(long, value_name = "M", value_parser = positive)]
     interest: Option<f32>,
     /// Also compute a share of the world, as players' machines do
@@ -74,30 +76,31 @@ pub(super) struct Client {
     /// With --compute: where to listen for other nodes and clients [default: any free port]
     #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
     listen: Option<SocketAddr>,
-    /// With --compute: the address that others reach this process at, if it is not the one it listens on
+    /// With --compute: the address at which others reach this process, if not the one it listens on
     #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
     advertise: Option<SocketAddr>,
-    /// How long to wait for a server that gets out of reach after joining, in seconds
+    /// How long to wait for a server that is out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
     give_up: Duration,
-    /// File that keeps who the client is: with it, it continues with the same avatars where they were
+    /// File that keeps the client's identity: with it the client goes on with the same avatars, where they
+    /// were
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
     /// Ask for no more than so many bytes per second of states of bodies [default: as many as the link carries]
     #[arg(long, value_name = "BYTES_PER_S", value_parser = clap::value_parser!(u32).range(1..))]
     limit: Option<u32>,
-    /// Show avatars as they were told last, instead of predicting them
+    /// Show avatars in the last state received, instead of predicting them
     #[arg(long)]
     no_prediction: bool,
     /// Also print what the bytes were for: by message, by field of states, and by body
     #[arg(long)]
     bandwidth: bool,
-    /// Join once more with this token, another of `dcd token --role client`, and say how far what is shown is from what that link tells,
-    /// which has no limit; between states both are interpolated
+    /// Join once more with this token, another of `dcd token --role client`, and say how far bodies are shown
+    /// from where that link says they are, which has no limit; between states both are interpolated
     #[arg(long, value_name = "TOKEN")]
     truth: Option<String>,
-    /// Show what this client is told in the browser, by a page at this address, which is printed on standard error: any free port of
-    /// this machine if none is given
+    /// Show what this client is told in the browser: serve a page at this address, or at any free port of
+    /// this machine if none is given, and print its URL on standard error
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
     #[command(flatten)]
@@ -107,7 +110,7 @@ pub(super) struct Client {
     json: bool,
 }
 
-/// The summary that it prints at its end.
+/// The summary that `dcd client` prints at its end.
 #[derive(Serialize)]
 struct Played {
     client: String,
@@ -126,16 +129,17 @@ struct Played {
     /// How far bodies that move were shown from where they were, if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     shown_error_mm: Option<Percentiles>,
-    /// The time by which what would be shown was behind the world, on average.
+    /// The mean time by which the shown state was behind the world.
     shown_behind_ms: Option<f64>,
     /// From an input to the first state that shows it.
     input_delay_ms: Option<f64>,
-    /// Times that avatars, or what they touch, turned out to be shown more than 2 cm off.
+    /// The number of times that avatars, or bodies that they touch, turned out to be shown more than 2 cm
+    /// off.
     corrections: u64,
     largest_correction_mm: f64,
     predicted_ticks: u64,
     outside: usize,
-    /// If asked for.
+    /// Only if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     bandwidth: Option<Report>,
 }
@@ -147,7 +151,7 @@ struct Percentiles {
 }
 
 impl Percentiles {
-    /// Returns those of numbers in order; `None` of nothing.
+    /// Returns the percentiles of sorted numbers; `None` if there are none.
     fn of(numbers: &[f32]) -> Option<Self> {
         let last = numbers.len().checked_sub(1)?;
         let at = |share: f64| f64::from(numbers[(share * last as f64) as usize]);
@@ -200,7 +204,7 @@ fn or_none(value: Option<f64>, unit: &str) -> String {
     value.map_or("–".into(), |value| format!("{value:.0}{unit}"))
 }
 
-/// Notes how old states are when they are looked at.
+/// The ages of states at the times when they are looked at.
 #[derive(Default)]
 struct Watch {
     looks: u64,
@@ -251,7 +255,7 @@ impl Client {
         let join = JoinConfig {
             identity: self.identity,
             give_up: Some(self.give_up),
-            // It goes with the first avatar from then on.
+            // Later it follows the first avatar.
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
@@ -260,7 +264,7 @@ impl Client {
         let truth = self
             .truth
             .map(|token| JoinConfig { give_up: Some(self.give_up), ..joining(&self.server, token) });
-        // All that may fail here does so before the token is used up.
+        // Everything that may fail here comes before the token is used up.
         let name = format!("a client of {}", self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let camera = self.film.open()?;
@@ -325,7 +329,7 @@ struct Crowd {
     viewer: Option<Viewer>,
     camera: Option<Camera>,
     dt_s: f64,
-    /// When the world had come, and the bytes until then.
+    /// The time when the whole world had arrived, and the bytes received until then.
     bytes_since: Option<(Instant, u64)>,
 }
 
@@ -336,7 +340,7 @@ struct Walker {
 }
 
 impl Crowd {
-    /// Enters the world: avatars of an earlier stay go on; only missing ones are made.
+    /// Enters the world: avatars of an earlier stay go on; only missing ones are created.
     fn enter(
         mut world: ClientWorld,
         count: usize,
@@ -400,7 +404,7 @@ impl Crowd {
         let seen = self.world.updates();
         self.world.wait_update(seen, LOOK);
         self.world.check()?;
-        // What traffic there was is known a tenth of a second later.
+        // Traffic is known with a delay of a tenth of a second.
         if self.bytes_since.is_none() && self.start.elapsed() > SETTLED {
             self.bytes_since = Some((Instant::now(), self.world.traffic().udp_bytes_in));
         }

@@ -9,7 +9,8 @@ use tracing_subscriber::filter::Directive;
 
 use super::failure::Failure;
 
-/// The target of messages and failures in a log of objects. No filter leaves them out, as none leaves out lines for people.
+/// The log target of messages and failures with `--log-format json`. No filter leaves them out, just as none
+/// leaves out lines for people.
 const SAID: &str = "dcd::said";
 
 /// Arguments of every subcommand.
@@ -44,7 +45,7 @@ impl Common {
             2 => "info,dcd=debug",
             _ => "trace",
         };
-        // Files of units and containers set it empty where nobody has a wish.
+        // Files of units and containers set it empty where nobody wants a filter.
         let asked = std::env::var(EnvFilter::DEFAULT_ENV).ok().filter(|asked| !asked.trim().is_empty());
         let (filter, unread) = match asked.map(EnvFilter::try_new) {
             None => (EnvFilter::new(level), None),
@@ -53,7 +54,7 @@ impl Common {
         };
         let said: Directive = format!("{SAID}=info").parse().expect("it is a directive");
         let filter = filter.add_directive(said);
-        // Fails only if there is a log already, which then serves.
+        // Fails only if there is a log already, which then stays in use.
         let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
         let log = log.log_internal_errors(false);
         let _ = match self.log_format {
@@ -65,18 +66,18 @@ impl Common {
         }
     }
 
-    /// Returns whether people want to see nothing but the result.
+    /// Returns whether `--quiet` is given: people want to see nothing but the result.
     pub(super) fn is_quiet(&self) -> bool {
         self.quiet
     }
 
-    /// Returns whether people want to see details.
+    /// Returns whether `--verbose` is given: people want to see details.
     pub(super) fn is_verbose(&self) -> bool {
         self.verbose > 0
     }
 
-    /// Prints a message for people on standard error, unless they want none. A terminal that is gone stops nobody. A log of objects has it as
-    /// one.
+    /// Prints a message for people on standard error, unless `--quiet` is given. With `--log-format json` it
+    /// is an object of the log. A terminal that is gone is no error.
     pub(super) fn say(&self, text: &str) {
         match self.log_format {
             _ if self.quiet => {}
@@ -85,7 +86,7 @@ impl Common {
         }
     }
 
-    /// Prints a failure on standard error, as an object if the log has those, and returns the exit code.
+    /// Prints a failure on standard error, as an object with `--log-format json`, and returns the exit code.
     pub(super) fn report(&self, failure: Failure) -> ExitCode {
         match self.log_format {
             LogFormat::Text => failure.report(),
@@ -112,7 +113,7 @@ pub(super) fn print(text: &str) -> Result<(), Failure> {
     print_to_reader(text).map(drop)
 }
 
-/// Does the same; returns whether there is a reader still.
+/// Writes to standard output; returns whether there still is a reader.
 pub(super) fn print_to_reader(text: &str) -> Result<bool, Failure> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {

@@ -9,7 +9,7 @@ use super::Cli;
 use super::common::{Common, print};
 use super::failure::Failure;
 
-/// Prints what a shell must know to complete `dcd` by the tab key
+/// Prints the script by which a shell completes `dcd` with the tab key
 ///
 /// Examples:
 ///   dcd completions bash > ~/.local/share/bash-completion/completions/dcd

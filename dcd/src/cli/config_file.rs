@@ -1,5 +1,6 @@
-//! Takes options of a subcommand from a TOML file (`--config`): keys are the long names of options, or the name of an argument without
-//! one. They are put on the command line before it is parsed, unless it has them already.
+//! Takes options of a subcommand from a TOML file (`--config`). Keys are the long names of options, or the
+//! names of arguments without one. The options are put on the command line before it is parsed, unless it has
+//! them already.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -14,19 +15,20 @@ use crate::scene::nearest;
 /// The option that names the file, for subcommands that have it.
 #[derive(clap::Args)]
 pub(super) struct ConfigArgs {
-    /// Take options from a TOML file: `listen = "0.0.0.0:7420"`, `unpaced = true`, `set = ["n=3", "mass=2"]`; what is on the command line counts instead
+    /// Take options from a TOML file: `listen = "0.0.0.0:7420"`, `unpaced = true`, `set = ["n=3", "mass=2"]`;
+    /// options on the command line count instead
     #[arg(id = "config", long = "config", value_name = "FILE")]
     _file: Option<PathBuf>,
 }
 
 /// The id of that option.
 const CONFIG: &str = "config";
-/// The option that forgets a world, which a file would do at each start.
+/// The option that forgets a stored world. It is refused in a file, which would forget a world at each start.
 const FRESH: &str = "fresh";
 
-/// Returns the arguments with those of the file that they name.
+/// Returns the arguments, with those of the file that `--config` names added.
 pub(super) fn expand(mut command: Command, args: Vec<OsString>) -> Result<Vec<OsString>, Failure> {
-    // What is wrong with the rest is said when all is there.
+    // Errors in the other arguments are reported once those of the file are added.
     let lenient = command.clone().ignore_errors(true);
     let Ok(matches) = lenient.try_get_matches_from(&args) else { return Ok(args) };
     command.build();
@@ -45,7 +47,7 @@ struct Added {
 }
 
 impl Added {
-    /// Puts them where none is taken for the value of an option of the user's.
+    /// Inserts them where none is taken for the value of an option on the command line.
     fn into(self, mut args: Vec<OsString>, name: &str) -> Vec<OsString> {
         let end = args.iter().position(|arg| arg == OsStr::new("--")).unwrap_or(args.len());
         args.splice(end..end, self.options);
@@ -56,7 +58,7 @@ impl Added {
     }
 }
 
-/// A file, the subcommand that it is for, and what the command line has.
+/// A file, the subcommand that it is for, and the arguments on the command line.
 struct File<'a> {
     path: &'a Path,
     subcommand: &'a Command,
@@ -119,7 +121,7 @@ impl File<'_> {
         )))
     }
 
-    /// Returns whether the command line has it, or what cannot be beside it.
+    /// Returns whether the command line has an argument, or another one that excludes it.
     fn is_given(&self, arg: &Arg) -> bool {
         let is_on_line =
             |arg: &Arg| self.given.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
@@ -128,9 +130,10 @@ impl File<'_> {
         is_on_line(arg) || others.any(|other| excludes(arg, other) || excludes(other, arg))
     }
 
-    /// Returns the values to write behind the option, each time that it is to be written.
+    /// Returns one item for each time that the option is to be written: its value, or `None` for an option
+    /// alone.
     fn texts(&self, key: &str, arg: &Arg, value: &toml::Value) -> Result<Vec<Option<String>>, Failure> {
-        // Not the value itself, which may be a token.
+        // The message names the type, not the value, which may be a token.
         let is = value.type_str();
         let unfit = |wanted: &str| {
             Err(self.wrong(&format!("`{key}` wants {wanted}, and has a value of the type {is}")))
@@ -159,7 +162,7 @@ impl File<'_> {
         }
     }
 
-    /// Looks whether the value of an option can be read, to name the file if not.
+    /// Checks that the value of an option can be read; if not, the error names the file.
     fn check(&self, option: &str) -> Result<(), Failure> {
         let alone = self.subcommand.clone().mut_args(|arg| arg.required(false));
         match alone.try_get_matches_from(["dcd", option]) {
@@ -177,7 +180,8 @@ impl File<'_> {
         }
     }
 
-    /// Says where the file is no TOML, but not what is there, which may be a token.
+    /// Returns a failure that says in which line the file is no TOML, but not what is there, which may be a
+    /// token.
     fn unreadable(&self, text: &str, error: &toml::de::Error) -> Failure {
         let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
         let line = before.matches('\n').count() + 1;

@@ -19,8 +19,9 @@ use crate::space::Tick;
 ///   dcd run pile --set n=500 --regions 4 --record b.dcdr
 ///   dcd diff a.dcdr b.dcdr
 ///
-/// Both are replayed side by side here, so it shows what they were given, not what another processor made of it. A folder (*.dcdr) is
-/// one recording: the members of a cluster. A server's own file has no bodies to compare. Exits with 1 if they differ.
+/// Both are replayed side by side on this machine, so the result shows what they were given, not what another
+/// processor made of it. A folder (*.dcdr) is one recording: that of the members of a cluster. A server's own
+/// file has no bodies to compare. Exits with 1 if they differ.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,

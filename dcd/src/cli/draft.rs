@@ -1,25 +1,27 @@
-//! Writes a file of results beside its place first: a run that fails leaves neither a part of it nor costs what was there.
+//! Writes a file of results beside its final path first: a run that fails leaves no part of it, and does not
+//! destroy the former file.
 
 use std::fs::{self, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A place for a file that could be written to before the run began: a long run is not to be lost to a wrong path.
+/// The path of a file that could be written to before the run began, so that a wrong path does not cost a
+/// long run.
 pub(super) struct Draft {
     path: PathBuf,
-    /// Where it is written first; devices and pipes are written to as they are.
+    /// Where the file is written first; `None` if it is written directly, as devices and pipes are.
     beside: Option<PathBuf>,
 }
 
 impl Draft {
-    /// Checks that the file can be written, and leaves all as it was.
+    /// Checks that the file can be written, and leaves everything as it was.
     pub(super) fn check(path: PathBuf) -> io::Result<Self> {
         let found = fs::metadata(&path);
         if found.is_ok() {
             OpenOptions::new().append(true).open(&path)?;
         }
         let is_special = match &found {
-            // Standard output, for instance, may be a file that others have open.
+            // `/dev/stdout`, for instance, may be a file that others have open.
             Ok(found) => !found.is_file() || ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)),
             Err(_) => path.is_symlink(),
         };
@@ -31,19 +33,19 @@ impl Draft {
         let beside = PathBuf::from(beside);
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
             Ok(_) => fs::remove_file(&beside)?,
-            // Its folder takes no other.
+            // The folder takes no other file, but this one can be written.
             Err(_) if found.is_ok() => return Ok(Self { path, beside: None }),
             Err(error) => return Err(error),
         }
         Ok(Self { path, beside: Some(beside) })
     }
 
-    /// Returns where the file will be.
+    /// Returns the final path of the file.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Has the file written, and puts it in its place once it is whole.
+    /// Calls `write` with the path to write to, and moves the file to its final path once it is whole.
     pub(super) fn write<E: From<io::Error>>(
         &self,
         write: impl FnOnce(&Path) -> Result<(), E>,
@@ -54,18 +56,18 @@ impl Draft {
         written
     }
 
-    /// Puts what is written in its place, with the permissions of what was there.
+    /// Moves the written file to its final path, with the permissions of the former file.
     fn put(&self, beside: &Path) -> io::Result<()> {
         let place = place_of(&self.path);
         if let Ok(former) = fs::metadata(&place) {
             fs::set_permissions(beside, former.permissions())?;
         }
-        // One that is mounted by itself cannot be replaced.
+        // A file that is a mount point cannot be replaced.
         fs::rename(beside, &place).or_else(|_| fs::copy(beside, &place).map(drop))
     }
 }
 
-/// Returns where a file is, or will be: where a symbolic link leads to.
+/// Returns where a file is or will be: the target of a symbolic link.
 fn place_of(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }

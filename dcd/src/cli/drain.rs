@@ -10,8 +10,9 @@ use crate::space::NodeId;
 
 /// Takes a node out of a served world, which goes on
 ///
-/// The other nodes take its regions over, as when it leaves by itself; then it ends, with exit code 0, or 3 where its
-/// --record is not whole. Started again with its --identity it is let in again, under the same name. The last node is not drained: start another one first.
+/// The other nodes take over its regions, as when the node leaves by itself. Then the node ends, with exit
+/// code 0, or with 3 if its --record is not whole. Started again with its --identity, it is let in again
+/// under the same name. The last node cannot be drained: start another one first.
 ///
 /// Example:
 ///   dcd drain --data /var/lib/dcd n2

@@ -1,4 +1,4 @@
-//! Implements `dcd end`: ends a world that a data folder keeps, for all who compute it and play in it.
+//! Implements `dcd end`: ends the world that a data folder keeps, for all its nodes and clients.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,13 +8,14 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use crate::runtime::{ProcessError, WorldEnd, end_world};
 
-/// How long a server may take: it asks all nodes what they own, and waits for those that hang.
+/// The most time for a server to end its world: it asks all nodes what they own, and waits for those that
+/// hang.
 const WAIT: Duration = Duration::from_secs(20);
 
 /// Ends the world of a data folder for all
 ///
-/// A server that runs tells its nodes and clients, prints its summary and stops. Where none runs, the world is removed from the
-/// folder; nodes that still compute it give up after a while. Keys and used tokens stay.
+/// A running server tells its nodes and clients, prints its summary and stops. If none runs, the world is
+/// removed from the folder, and nodes that still compute it give up after a while. Keys and used tokens stay.
 ///
 /// Example:
 ///   dcd end --data /var/lib/dcd

@@ -16,7 +16,7 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// Creates a failure of usage: the user asked for something that cannot be; nothing was done.
+    /// Creates a failure of usage: what the user asked for is impossible, and nothing was done.
     pub(super) fn usage(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 2 }
     }
@@ -26,8 +26,8 @@ impl Failure {
         Self { message: message.into(), code: 1 }
     }
 
-    /// Creates a failure after which there is nothing to go on with: the world has ended, and who starts its server again begins it anew; or
-    /// a node has ended in order.
+    /// Creates a failure after which there is nothing to go on with. Either the world has ended, so that a
+    /// server that is started again begins it anew, or a node has ended in order.
     pub(super) fn ended(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 3 }
     }

@@ -1,4 +1,4 @@
-//! Says how much of a world is computed in full: the options of `dcd run` and `dcd serve` for that.
+//! Defines the options of `dcd run` and `dcd serve` for how much of a world is computed in full.
 
 use crate::cli::failure::Failure;
 use crate::fidelity::Fidelity;
@@ -7,13 +7,15 @@ use crate::space::Viewpoint;
 
 #[derive(clap::Args)]
 pub(super) struct FidelityArgs {
-    /// Compute in full only what is looked at: `auto` (or tolerance=M_S) steps all other regions as seldom as keeps the mean error
-    /// of a body's velocity per tick below 0.33 m/s (or M_S); budget=MS as seldom as makes a tick take no longer than MS
-    /// milliseconds; `off` computes all in full [default: what the scene says, else off]
+    /// Compute in full only what is looked at. `auto` (or tolerance=M_S) steps all other regions as seldom as
+    /// keeps the mean error of a body's velocity per tick below 0.33 m/s (or M_S); budget=MS steps them as
+    /// seldom as keeps a tick within MS milliseconds; `off` computes everything in full [default: what the
+    /// scene says, else off]
     #[arg(long, value_name = "HOW")]
     fidelity: Option<Fidelity>,
-    /// Look from here so many metres far, in world space; may be given several times. A served world is looked at by its clients, too, each in its area
-    /// of interest [default: what the scene says, else at all, or where it is served at what its clients look at]
+    /// Look at all that is within RADIUS metres of this point in world space; may be given several times. The
+    /// clients of a served world look at it too, each at its area of interest [default: what the scene says,
+    /// else everything or, in a served world, what its clients look at]
     #[arg(long, value_name = "X,Y,Z,RADIUS", allow_hyphen_values = true, value_parser = viewpoint)]
     viewpoint: Vec<Viewpoint>,
 }
@@ -23,12 +25,12 @@ impl FidelityArgs {
         self.fidelity.is_some() || !self.viewpoint.is_empty()
     }
 
-    /// Returns whether not all is to be computed in full.
+    /// Returns whether these options ask that not everything be computed in full.
     pub(super) fn is_on(&self) -> bool {
         self.fidelity.is_some_and(|fidelity| fidelity != Fidelity::Off)
     }
 
-    /// Has a scene looked at from the viewpoints that were given, and computed as was said.
+    /// Sets the fidelity and the viewpoints of a scene as these options say.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<(), Failure> {
         scene.fidelity = self.fidelity.unwrap_or(scene.fidelity);
         if !self.viewpoint.is_empty() {

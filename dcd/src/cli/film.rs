@@ -29,7 +29,8 @@ impl FilmArgs {
         self.gltf.is_some()
     }
 
-    /// Opens the file: a long run is not to be lost to a wrong path. Its content stays until the end.
+    /// Checks that the file can be written, so that a wrong path does not cost a long run. Its former content
+    /// stays until the end.
     pub(super) fn open(self) -> Result<Option<Camera>, Failure> {
         let Some(path) = self.gltf else { return Ok(None) };
         let draft = Draft::check(path.clone());
@@ -74,7 +75,7 @@ impl Camera {
         self.take(world, seconds);
     }
 
-    /// Writes the file; with the world as it is now, if no stretch was asked for, or none of it came.
+    /// Writes the file. It has the world as it is now if no stretch was asked for, or none of it was reached.
     pub(super) fn finish(
         mut self,
         world: Option<&impl Source>,

@@ -1,4 +1,5 @@
-//! Handles Ctrl-C, SIGTERM and SIGHUP: the first asks a command to end in order, one that it does not expect ends it at once.
+//! Handles Ctrl-C, SIGTERM and SIGHUP. The first signal asks a command to end in order; a signal that the
+//! command does not expect ends it at once.
 
 use std::io::{self, Read};
 use std::process::ExitCode;
@@ -10,23 +11,24 @@ use tokio::runtime::Runtime;
 
 use super::failure::Failure;
 
-/// Exit code of a command that Ctrl-C ended: 128 + SIGINT.
+/// The exit code of a command that Ctrl-C ended: 128 + SIGINT.
 const EXIT: u8 = 130;
 
-/// Time in which one press may be heard twice: from the terminal, and from a parent process that passes on what it hears.
+/// The time in which one press may arrive twice: from the terminal, and from a parent process that passes on
+/// what it hears.
 const ONE_PRESS: Duration = Duration::from_millis(200);
 
 static LAST: Mutex<Option<Instant>> = Mutex::new(None);
-/// Signals that were heard, of every kind.
+/// The number of signals that were heard, of every kind.
 static SIGNALS: AtomicU32 = AtomicU32::new(0);
-/// Those of them that were Ctrl-C.
+/// The number of those that were Ctrl-C.
 static PRESSES: AtomicU32 = AtomicU32::new(0);
-/// Signals that the command obeys.
+/// The number of signals that the command expects.
 static EXPECTED: AtomicU32 = AtomicU32::new(1);
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
 
-/// What was heard.
+/// A kind of signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Heard {
     /// Ctrl-C.
@@ -44,8 +46,9 @@ enum Heard {
 pub(super) struct Interrupt(());
 
 impl Interrupt {
-    /// Takes over Ctrl-C for the rest of the process. SIGHUP stays ignored where the process was started to ignore it, as by `nohup`; Ctrl-C is
-    /// heard all the same, which scripts ignore for what they start in the background and then end by it.
+    /// Takes over Ctrl-C, SIGTERM and SIGHUP for the rest of the process. SIGHUP stays ignored if the process
+    /// was started to ignore it, as by `nohup`. Ctrl-C is heard even then: scripts ignore it for what they
+    /// start in the background, and yet end that by it.
     pub(super) fn listen() -> Result<Self, Failure> {
         match INSTALLED.get_or_init(|| install().map_err(|error| error.to_string())) {
             Ok(()) => Ok(Self(())),
@@ -55,8 +58,8 @@ impl Interrupt {
         }
     }
 
-    /// Takes the end of standard input as a request to end too: a parent process ends its children in order with it, on every
-    /// system, and they do not outlive a parent that is killed.
+    /// Takes the end of standard input as a request to end, too. A parent process can thus end its children
+    /// in order on every system, and they do not outlive a parent that is killed.
     pub(super) fn listen_to_stdin(self) {
         std::thread::spawn(|| {
             let mut stdin = std::io::stdin().lock();
@@ -71,7 +74,8 @@ impl Interrupt {
         self.signalled() || ABANDONED.load(Ordering::SeqCst)
     }
 
-    /// Returns whether the user pressed Ctrl-C and does so again within this time, which means something else than the first.
+    /// Expects a second signal, and waits for it for this time. Returns whether the user has pressed Ctrl-C
+    /// twice, which means something else than once.
     pub(super) fn asked_again(self, within: Duration) -> bool {
         const LOOK: Duration = Duration::from_millis(20);
         EXPECTED.store(2, Ordering::SeqCst);
@@ -106,7 +110,8 @@ fn hear(heard: Heard) {
     }
     *last = Some(Instant::now());
     let former = SIGNALS.load(Ordering::SeqCst);
-    // Shells and systems say it several times; who asked for an end has asked.
+    // Shells and systems send SIGHUP several times; once an end was asked for, more of them ask for nothing
+    // new.
     if heard == Heard::HangUp && former >= EXPECTED.load(Ordering::SeqCst) {
         return;
     }
@@ -119,7 +124,7 @@ fn hear(heard: Heard) {
     }
 }
 
-/// Hears signals on a thread of its own.
+/// Starts a thread that hears signals.
 fn install() -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     listen_by(&runtime)?;
@@ -150,7 +155,7 @@ fn listen_by(runtime: &Runtime) -> io::Result<()> {
     Ok(())
 }
 
-/// Returns the signals that the process was started to ignore, as bits; none where the system does not say.
+/// Returns the signals that the process was started to ignore, as bits; 0 where the system does not say.
 #[cfg(unix)]
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

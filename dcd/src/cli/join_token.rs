@@ -1,4 +1,5 @@
-//! Takes the token with which a process joins: as an option, or from a file, which lists of processes do not show.
+//! Reads the token with which a process joins: from an option, or from a file, which lists of processes do
+//! not show.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -8,21 +9,23 @@ use super::failure::Failure;
 
 /// The longest file that is read: a token takes some two hundred bytes.
 const MOST_BYTES: u64 = 4096;
-/// How all tokens begin.
+/// The beginning of all tokens.
 const TOKEN_BEGINS: &str = "dcd1-";
 
 #[derive(clap::Args)]
 pub(super) struct TokenArgs {
-    /// From `dcd token --role ROLE`: node, client (or builder), or participant with --compute. Who may list processes sees it; not so with --token-file
+    /// Token from `dcd token --role ROLE`: node, client (or builder), or participant with --compute. Whoever
+    /// may list processes sees it, which --token-file avoids
     #[arg(long, required_unless_present_any = ["token_file", "identity"])]
     token: Option<String>,
-    /// A file with the token. A node whose --identity has its file already needs neither, nor is a token used up then: this file may be gone
+    /// File with the token. A node whose --identity file exists needs neither option and uses up no token:
+    /// the file with the token may be gone
     #[arg(long, value_name = "FILE", conflicts_with = "token")]
     token_file: Option<PathBuf>,
 }
 
 impl TokenArgs {
-    /// Returns the token; none, if its file is gone and not needed.
+    /// Returns the token; an empty one if none is needed and none is given, or its file is gone.
     pub(super) fn read(self, is_needed: bool) -> Result<String, Failure> {
         let Some(path) = &self.token_file else {
             return match self.token {

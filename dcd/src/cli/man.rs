@@ -10,7 +10,7 @@ use super::Cli;
 use super::common::{Common, print};
 use super::failure::Failure;
 
-/// Prints the manual page dcd(1), or writes one page a subcommand into a folder
+/// Prints the manual page dcd(1), or writes one page per subcommand into a folder
 ///
 /// Examples:
 ///   dcd man | man -l -
@@ -18,7 +18,7 @@ use super::failure::Failure;
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Man {
-    /// Write dcd.1, dcd-run.1 and so on into this folder, which is made if it is not there
+    /// Write dcd.1, dcd-run.1 and so on into this folder, which is created if it does not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }

@@ -1,7 +1,8 @@
 //! Implements the command line `dcd`: one file per subcommand.
 //!
-//! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
-//! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
+//! To add a subcommand, write a file with a struct that derives [`clap::Args`] (its doc comment is the help
+//! text) and has `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`. Add its `mod` line, and a
+//! line in `subcommands!`.
 
 mod backup;
 mod bandwidth;
@@ -48,7 +49,7 @@ use clap::{CommandFactory, Parser};
 use common::Common;
 use failure::Failure;
 
-/// Makes the enum that clap parses into and hands each command to its file.
+/// Makes the enum into which clap parses, and which hands each command to its file.
 macro_rules! subcommands {
     ($($name:ident in $file:ident),* $(,)?) => {
         #[derive(clap::Subcommand)]
@@ -97,7 +98,8 @@ struct Cli {
     command: Command,
 }
 
-/// Returns the version of the program, with that of the protocol: processes of unlike protocols refuse each other.
+/// Returns the version of the program and that of the protocol: processes of unlike protocols refuse each
+/// other.
 fn version() -> &'static str {
     static TEXT: LazyLock<String> =
         LazyLock::new(|| format!("{} (protocol {})", env!("CARGO_PKG_VERSION"), crate::protocol::VERSION));
@@ -126,7 +128,8 @@ pub fn main() -> ExitCode {
     cli.command.execute(&cli.common).unwrap_or_else(|failure| cli.common.report(failure))
 }
 
-/// Returns whether a file of options (`--config`) is one of `dcd serve` or `dcd node`. For tests: a file may have anything in it.
+/// Returns whether `dcd serve` or `dcd node` accepts a file of options (`--config`). For tests, as such a
+/// file may have anything in it.
 #[doc(hidden)]
 pub fn reads_config(path: &Path) -> bool {
     ["serve", "node"].into_iter().any(|subcommand| {

@@ -17,7 +17,7 @@ use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker, ProcessError};
 
-/// Interval at which Ctrl-C is looked for.
+/// The interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Computes a share of the world that a server holds
@@ -25,8 +25,9 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
 ///
-/// Prints `joined as NODE` first, `listening ADDR` next, with --metrics `metrics URL`, and a summary last. Ctrl-C hands its regions over to other nodes, or
-/// back to the server. While the server is out of reach the node computes on with the others, and dials it again.
+/// Prints `joined as NODE` first, then `listening ADDR`, with --metrics `metrics URL`, and a summary last.
+/// Ctrl-C hands the node's regions over to other nodes, or back to the server. While the server is out of
+/// reach, the node computes on with the others, and dials the server again.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -37,7 +38,8 @@ const LOOK: Duration = Duration::from_millis(50);
                        not to be started again by itself, when it has ended in order and --record is not whole."
 )]
 pub(super) struct Node {
-    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    /// The server's address; with standby servers (`dcd serve --directory`) all addresses, separated by
+    /// commas
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
     server: Vec<SocketAddr>,
     #[command(flatten)]
@@ -45,26 +47,27 @@ pub(super) struct Node {
     /// Where to listen for other nodes and clients [default: any free port]
     #[arg(long, value_name = "ADDR", value_parser = address)]
     listen: Option<SocketAddr>,
-    /// The address that others reach this node at, if it is not the one it listens on
+    /// The address at which others reach this node, if not the one it listens on
     #[arg(long, value_name = "ADDR", value_parser = address)]
     advertise: Option<SocketAddr>,
-    /// Regions stepped at a time [default: as many as there are cores]
+    /// Regions stepped at the same time [default: as many as there are cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// File that keeps who the node is: with it, it joins under the same name again
+    /// File that keeps the node's identity: with it the node joins again under the same name
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
-    /// How long to wait for a server that gets out of reach after joining, in seconds [default: without end]
+    /// How long to wait for a server that is out of reach after joining, in seconds [default: without end]
     #[arg(long, value_name = "SECONDS", value_parser = wall_seconds)]
     give_up: Option<Duration>,
     /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the node is well (/healthz, /readyz)
+    /// Serve metrics (/metrics, in Prometheus' format) and the node's health (/healthz, /readyz) over HTTP at
+    /// this address
     #[arg(long, value_name = "ADDR", value_parser = address)]
     metrics: Option<SocketAddr>,
-    /// Show the regions of this node in the browser, with their copies of others' bodies, by a page at this address, which is printed on
-    /// standard error: any free port of this machine if none is given
+    /// Show the regions of this node, with their ghosts, in the browser: serve a page at this address, or at
+    /// any free port of this machine if none is given, and print its URL on standard error
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
     #[command(flatten)]
@@ -93,7 +96,7 @@ impl Node {
             metrics: self.metrics,
             ..joining(&self.server, self.token.read(is_token_needed)?)
         };
-        // All that may fail here does so before the token is used up.
+        // Everything that may fail here comes before the token is used up.
         let name = format!("a node of {}", self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
@@ -133,7 +136,8 @@ impl Node {
         Computed::from(&node.summary()).show(self.json)?;
         match node.finish() {
             Ok(_) => Ok(interrupt.exit_code()),
-            // The node itself has ended in order, and who was drained is not to come back for it.
+            // The node itself has ended in order: a drained node must not be started again because of its
+            // recording.
             Err(error @ ProcessError::Record { .. }) => {
                 Err(Failure::ended(format!("the recording is not whole: {error}")))
             }

@@ -1,5 +1,5 @@
-//! Tells systemd how the process is, by datagrams to the socket that `NOTIFY_SOCKET` names (sd_notify(3), Type=notify): that it is ready,
-//! that it stops, what it does, and that it does not hang.
+//! Tells systemd the state of the process, by datagrams to the socket that `NOTIFY_SOCKET` names
+//! (sd_notify(3), Type=notify): that it is ready, that it stops, what it does, and that it does not hang.
 
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::time::Duration;
@@ -7,19 +7,19 @@ use std::time::Duration;
 use self::socket::Socket;
 use crate::runtime::Pulse;
 
-/// The time after which it says anew what it does.
+/// The longest time between two reports of what the process does.
 const STATUS: Duration = Duration::from_secs(5);
-/// The least time after which a loop counts as hung: one that is idle turns twice per second.
+/// The least time after which a loop counts as hung: an idle loop turns twice per second.
 const TURNS: Duration = Duration::from_secs(1);
 
-/// The way to systemd, if it started the process and wants to know.
+/// The connection to systemd, if that started the process and asked for reports.
 pub(super) struct Notifier {
     socket: Option<Socket>,
-    /// The time after which it takes a silent process for hung.
+    /// The time after which systemd takes a silent process for hung.
     watchdog: Option<Duration>,
 }
 
-/// Goes on telling until it is dropped.
+/// A handle to the thread that reports to systemd, which ends when the handle is dropped.
 pub(super) struct Watch {
     _until: Sender<()>,
 }
@@ -30,7 +30,7 @@ impl Notifier {
         Self { socket: Socket::from_environment(), watchdog }
     }
 
-    /// Says that the process is ready, where nothing of it has a pulse yet.
+    /// Says that the process is ready while it has no loop whose pulse can be watched.
     pub(super) fn ready(&self, words: &str) {
         self.say(&format!("READY=1\nSTATUS={words}"));
     }
@@ -40,7 +40,7 @@ impl Notifier {
         self.say(&format!("EXTEND_TIMEOUT_USEC=300000000\nSTATUS={words}"));
     }
 
-    /// Says that it does not hang.
+    /// Says that the process does not hang.
     pub(super) fn alive(&self) {
         if self.watchdog.is_some() {
             self.say("WATCHDOG=1");
@@ -52,7 +52,8 @@ impl Notifier {
         self.say("STOPPING=1\nSTATUS=stopping");
     }
 
-    /// Says that the process is ready, and by a thread of its own how it is, for as long as its loop turns.
+    /// Says that the process is ready. A thread of its own then reports what it does and, for as long as its
+    /// loop turns, that it does not hang.
     pub(super) fn watch(&self, pulse: impl Fn() -> Pulse + Send + 'static) -> Watch {
         let (until, over) = mpsc::channel::<()>();
         if let Some(socket) = self.socket.clone() {
@@ -71,7 +72,7 @@ impl Notifier {
         Watch { _until: until }
     }
 
-    /// Returns what there is to tell.
+    /// Returns the next report.
     fn news(&self, pulse: &Pulse) -> String {
         let mut news = format!("STATUS={}", pulse.words);
         let turns = |watchdog: Duration| pulse.turned.elapsed() < (watchdog / 2).max(TURNS);
@@ -102,7 +103,7 @@ mod socket {
     use std::os::unix::net::UnixDatagram;
     use std::sync::Arc;
 
-    /// A connected socket. What it cannot take at once is not said: systemd hears the next.
+    /// A connected socket. A report that it cannot take at once is dropped: systemd hears the next one.
     #[derive(Clone)]
     pub(super) struct Socket(Arc<UnixDatagram>);
 

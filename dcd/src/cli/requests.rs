@@ -1,4 +1,5 @@
-//! Passes requests of `dcd save`, `dcd restore`, `dcd backup` and `dcd drain` to the `dcd serve` of a data folder, as files in it, and the answers back.
+//! Passes requests of `dcd save`, `dcd restore`, `dcd backup` and `dcd drain` to the `dcd serve` of a data
+//! folder, and the answers back, as files in that folder.
 
 use std::fs;
 use std::io;
@@ -9,11 +10,11 @@ use super::failure::Failure;
 use crate::runtime::{LocalWorld, ProcessError, ServerProcess, is_served};
 use crate::space::NodeId;
 
-/// The time that a server may take: nodes that hang are given up within seconds, and large files are written.
+/// The most time for a server: it gives up nodes that hang within seconds, and writes large files.
 const WAIT: Duration = Duration::from_secs(120);
 /// The interval at which the asker looks for the answer.
 const LOOK: Duration = Duration::from_millis(20);
-/// The interval at which it looks whether the server still runs.
+/// The interval at which the asker looks whether the server still runs.
 const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
@@ -47,7 +48,7 @@ pub(super) fn ask_about_file(data: &Path, verb: Verb, file: &Path) -> Result<Str
     ask(data, verb, file)
 }
 
-/// Asks the server of a data folder, and waits until it is done; returns what it says.
+/// Asks the server of a data folder, waits until the request is done, and returns what the server says.
 pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failure> {
     let shown = data.display();
     if !is_served(data).map_err(ProcessError::from)? {
@@ -69,7 +70,7 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
                 None => Err(Failure::run(format!("{} is no answer of a server: {said}", answer.display()))),
             };
         }
-        // Once in a while: to look is to hold it for a moment.
+        // Only once in a while, as this takes the lock of the folder for a moment.
         if looked.elapsed() >= LOOK_FOR_SERVER {
             looked = Instant::now();
             if is_served(data).is_ok_and(|served| !served) && !answer.exists() {
@@ -92,7 +93,7 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
     }
 }
 
-/// Forgets requests to a former server of this folder; those to one that runs are its own.
+/// Removes requests to a former server of this folder. If a server runs they are its own, and stay.
 pub(super) fn forget(data: &Path) {
     if is_served(data).is_ok_and(|served| served) {
         return;
@@ -102,11 +103,11 @@ pub(super) fn forget(data: &Path) {
     }
 }
 
-/// Does what is asked of the server of this folder.
+/// Carries out the requests to the server of this folder.
 pub(super) fn obey(data: &Path, server: &ServerProcess) {
     for request in files(data, REQUEST) {
         let read = fs::read_to_string(&request);
-        // Who asked has given up.
+        // The asker has given up.
         if read.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
             continue;
         }
@@ -125,7 +126,7 @@ pub(super) fn obey(data: &Path, server: &ServerProcess) {
             Ok(text) => format!("done\n{text}"),
             Err(text) => format!("failed\n{text}"),
         };
-        // Who asked waits no longer then.
+        // If this fails, the asker waits until its time is up.
         let _ = write_whole(&data.join(format!("{ANSWER}{id}")), &said);
     }
 }
@@ -170,7 +171,7 @@ pub(super) fn node(text: &str) -> Result<NodeId, String> {
     number.map(NodeId).ok_or_else(|| format!("`{text}` is no node; write its name as `dcd status` does: n2"))
 }
 
-/// Writes a file beside its place first, so that nobody reads a part of it.
+/// Writes a file under another name first, so that nobody reads a part of it.
 fn write_whole(path: &Path, text: &str) -> io::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.part"));
@@ -178,7 +179,7 @@ fn write_whole(path: &Path, text: &str) -> io::Result<()> {
     fs::rename(&part, path)
 }
 
-/// Returns the files of a folder whose names begin so, in order.
+/// Returns the files of a folder whose names begin with `prefix`, in order.
 fn files(folder: &Path, prefix: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let is_one = |path: &PathBuf| {

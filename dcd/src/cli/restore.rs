@@ -1,4 +1,4 @@
-//! Implements `dcd restore`: lets a server that runs go back to a saved world.
+//! Implements `dcd restore`: lets a running server go back to a saved world.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,11 +7,11 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::requests::{Verb, ask_about_file};
 
-/// Lets a server that runs go back to a saved world, or on with another one, for all who compute it and play in it
+/// Lets a running server go back to a saved world, or on with another one, for all its nodes and clients
 ///
-/// The file is one of `dcd save`, `dcd run --save` or a program, by the same version of dcd, with the same tick length and gravity.
-/// Avatars are their clients': those that are in both worlds go where they were, and none comes or goes. Restore no file
-/// of people whom you do not trust.
+/// The file is from `dcd save`, `dcd run --save` or a program, by the same version of dcd, with the same tick
+/// length and gravity. Avatars belong to their clients: those that are in both worlds go back to where they
+/// were, and none comes or goes. Do not restore files of people whom you do not trust.
 ///
 /// Example:
 ///   dcd restore --data /var/lib/dcd before-the-boss.dcd

@@ -1,4 +1,4 @@
-//! Implements `dcd save`: saves the world of a server that runs.
+//! Implements `dcd save`: saves the world of a running server.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,10 +7,11 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::requests::{Verb, ask_about_file};
 
-/// Saves the world of a server that runs, as it is after one tick
+/// Saves the world of a running server, as it is after one tick
 ///
-/// Its nodes stop for that, for some ticks. The server writes the file, so it must be able to. `dcd restore` goes back to it, `dcd serve`
-/// serves it anew, and `dcd run` goes on with it alone. Contacts begin anew then; everything else is as it was.
+/// The nodes stop for that, for some ticks. The server writes the file, so it needs the permissions for that.
+/// `dcd restore` goes back to the saved world, `dcd serve` serves it anew, and `dcd run` goes on with it
+/// alone. Contacts begin anew then; everything else is as it was.
 ///
 /// Example:
 ///   dcd save --data /var/lib/dcd before-the-boss.dcd
@@ -20,7 +21,7 @@ pub(super) struct Save {
     /// The server's data folder
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
-    /// Where to; a file that is there is replaced once the new one is whole
+    /// The file to write; an existing one is replaced once the new one is whole
     file: PathBuf,
 }
 

@@ -24,14 +24,15 @@ impl Scenes {
         match (library().iter().find(|info| info.name == name), shipped(&name)) {
             (Some(info), _) => print(&describe(info))?,
             (None, Some(path)) => print(&format!("  {name}: the scene file {path}"))?,
-            // Says which scenes there are.
+            // Its error says which scenes there are.
             (None, None) => drop(Scene::named(&name, &Params::new())?),
         }
         Ok(ExitCode::SUCCESS)
     }
 }
 
-/// Opens a scene as users name it: a path, a scene of the library, or a file that the sources ship by its bare name.
+/// Opens a scene as users name it: by a path, as a scene of the library, or by the bare name of a scene file
+/// that the sources ship.
 pub(super) fn open(name: &str, params: &Params) -> Result<Scene, SceneError> {
     match Scene::open(name, params) {
         Err(error @ SceneError::UnknownScene { .. }) => match shipped(name) {

@@ -29,7 +29,7 @@ use crate::runtime::{
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
 
-/// Interval at which Ctrl-C is looked for.
+/// The interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 /// How long the token of the viewer of this process is valid.
 const AT_ONCE: Duration = Duration::from_secs(60);
@@ -48,86 +48,94 @@ pub(super) struct Serve {
     /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF: .urdf), or a snapshot
     /// (.dcd) of `dcd save` or `dcd run --save`
     scene: String,
-    /// Sets a parameter of the scene; may be given several times
+    /// Set a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Where to listen; port 0 takes any free one, 0.0.0.0 listens to other machines too
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
     listen: SocketAddr,
-    /// Folder that keeps the server's keys, which tokens were used, and the world: a server that died goes on with it when
-    /// it is started again in the same way
+    /// Folder that keeps the server's keys, the list of used tokens, and the world: a server that died goes
+    /// on with the world when it is started again in the same way
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
-    /// Keep the world in an etcd cluster instead: etcd://HOST:PORT[,HOST:PORT...]/NAME. Servers of the same NAME, each with a --data of its own and the
-    /// same scene and settings, stand by for one another: when the one that serves the world is gone, another goes on with it. Nodes and
-    /// clients are given the addresses of all of them. Over TLS, in quotes: 'etcds://...?cacert=FILE', with &cert=FILE&key=FILE where etcd asks for
-    /// certificates; where it has users, with user=NAME&password-file=FILE, or the password in the environment's DCD_ETCD_PASSWORD
+    /// Keep the world in an etcd cluster instead: etcd://HOST:PORT[,HOST:PORT...]/NAME. Servers of the same
+    /// NAME stand by for one another, each with its own --data and the same scene and settings: when the one
+    /// that serves the world is gone, another goes on with it. Nodes and clients are given the addresses of
+    /// all of them. Over TLS, in quotes: 'etcds://...?cacert=FILE', with &cert=FILE&key=FILE if etcd asks for
+    /// certificates. If etcd has users: with user=NAME&password-file=FILE, or with the password in the
+    /// environment variable DCD_ETCD_PASSWORD
     #[arg(long, value_name = "PLACE")]
     directory: Option<String>,
-    /// Begins anew, and forgets a world that is stored
+    /// Begin anew, and forget the world that is stored
     #[arg(long)]
     fresh: bool,
     /// Nodes to wait for before the first tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
-    /// Regions, by upright planes that halve the largest [default: what the scene says, else one for each node, in proportion to what it can do]
+    /// Number of regions, cut by upright planes that halve the largest one [default: what the scene says,
+    /// else one for each node, in proportion to what the node can do]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
     #[command(flatten)]
     fidelity: FidelityArgs,
-    /// Steps as fast as the nodes can, rather than in real time
+    /// Step as fast as the nodes can, rather than in real time
     #[arg(long)]
     unpaced: bool,
-    /// Ends the world after so many ticks [default: by `dcd end`]
+    /// End the world after so many ticks [default: by `dcd end`]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     ticks: Option<u64>,
     /// The fastest that clients may move their avatars, m/s
     #[arg(long, value_name = "M_S", default_value_t = 20.0, value_parser = speed)]
     avatar_speed: f32,
-    /// Ticks from one state of a moving body that clients are told to the next; what they show between is interpolated
+    /// Ticks from one state of a moving body that clients are told to the next; clients interpolate between
+    /// them
     #[arg(long, value_name = "TICKS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=MAX_STATE_TICKS as i64))]
     state_every: u32,
-    /// The clients that the leader of a group tells of bodies that move itself; with more, other dedicated nodes of the group tell those beyond, whom it
-    /// tells once each what all of theirs need [default: it tells all]
+    /// The number of clients to which the leader of a group sends states of moving bodies itself. Other
+    /// dedicated nodes of the group (relays) serve the clients beyond that number; the leader sends each
+    /// relay once what all of its clients need [default: the leader serves all]
     #[arg(long, value_name = "CLIENTS")]
     relays: Option<u32>,
-    /// Compute the regions of this share of participants once more, 0 to 1, at the node that leads, and compare: who is drawn is not told. Needs a
-    /// dedicated node (`dcd node`), with as many more regions to compute; one that computes otherwise is sent away
+    /// Share of participants, 0 to 1, whose regions the node that leads computes once more, to compare: a
+    /// participant that computes otherwise is sent away. Nobody is told who is drawn. Needs a dedicated node
+    /// (`dcd node`), which has as many more regions to compute
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
     verify: f64,
     /// How long avatars wait for a client that left, before they are removed: 90s, 10m, 2h, 1d
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = duration)]
     keep_avatars: Duration,
-    /// Nodes run ahead of one another by at most so many ticks, and extrapolate: for links slower than a tick. Needs
-    /// --coupling owner
+    /// Let nodes run ahead of one another by at most so many ticks, and extrapolate: for links slower than a
+    /// tick. Needs --coupling owner
     #[arg(long, value_name = "TICKS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=MAX_LAG as i64))]
     lag: u32,
-    /// Nodes share a group whose round trips are below this, ms; needs --far [default: all that reach each other]
+    /// Round trip below which nodes share a group, ms; needs --far [default: all nodes that reach each other
+    /// share one]
     #[arg(long, value_name = "MS", requires = "far", value_parser = positive)]
     near: Option<f32>,
-    /// Members above this round trip are voted out of their group, ms; above --near
+    /// Round trip above which members are voted out of their group, ms; above --near
     #[arg(long, value_name = "MS", requires = "near", value_parser = positive)]
     far: Option<f32>,
-    /// Nodes in a group at most
+    /// The most nodes of a group
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(1..=1024))]
     group_size: u16,
-    /// Groups of 2, 4, 8 … nodes, which share a world evenly, and nobody alone where that can be
+    /// Form groups of 2, 4, 8 … nodes, which share a world evenly, and leave no node alone where that is
+    /// possible
     #[arg(long)]
     powers_of_two: bool,
-    /// How far a body may be from where the group that is authoritative for it has it, metres
+    /// How far a body in one group may be from where the authoritative group has it, metres
     #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = positive)]
     agree: f32,
     /// Record all that the server is given, to be replayed by `dcd replay` with the recordings of its nodes
     #[arg(long, value_name = "FILE.dcdr")]
     record: Option<PathBuf>,
-    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the server is well (/healthz, /readyz); of servers
-    /// on one machine that stand by for one another each needs one of its own
+    /// Serve metrics (/metrics, in Prometheus' format) and the server's health (/healthz, /readyz) over HTTP
+    /// at this address. Standby servers on one machine need one address each
     #[arg(long, value_name = "ADDR", value_parser = address)]
     metrics: Option<SocketAddr>,
-    /// Show the world in the browser as a client is told of it, by a page at this address, which is printed on standard error: any free
-    /// port of this machine if none is given
+    /// Show the world as a client is told of it in the browser: serve a page at this address, or at any free
+    /// port of this machine if none is given, and print its URL on standard error
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
     #[command(flatten)]
@@ -165,12 +173,12 @@ impl Serve {
         requests::forget(&self.data);
         let notifier = Notifier::from_environment();
         let Some(mut server) = start(&origin, config, &notifier, interrupt)? else {
-            // As a server that keeps its world.
+            // The same exit code as that of a server that keeps its world.
             return Ok(ExitCode::SUCCESS);
         };
         drop(origin);
         let _watch = notifier.watch(server.pulse());
-        // What cannot be printed ends no world.
+        // A failure to print does not end the world.
         let watched = self
             .announce(&server, common)
             .and_then(|()| self.onlooker(&server))
@@ -180,14 +188,14 @@ impl Serve {
             server.suspend();
             watched?;
         }
-        // Unless it is suspended or over, the world ends.
+        // Ends the world, unless it is suspended or over.
         server.end();
         let (failure, is_kept, summary) = (server.failure(), server.is_suspended(), server.summary());
         let unrecorded = match failure {
             None => None,
             // The world went on without its recording.
             Some(error @ ProcessError::Record { .. }) => Some(format!("the recording is not whole: {error}")),
-            // Whatever it is, it was no usage.
+            // Whatever it is, it is no failure of usage.
             Some(error) => return Err(Failure::run(error.to_string())),
         };
         if is_kept {
@@ -195,7 +203,7 @@ impl Serve {
             return unrecorded.map_or(Ok(ExitCode::SUCCESS), |why| Err(Failure::run(why)));
         }
         self.tell_of_end(&summary)?;
-        // Started again it would begin the world anew.
+        // Started again, the server would begin the world anew.
         unrecorded.map_or_else(|| Ok(interrupt.exit_code()), |why| Err(Failure::ended(why)))
     }
 
@@ -210,7 +218,7 @@ impl Serve {
             state_every: self.state_every,
             last_tick: self.ticks.map(Tick),
             avatar_speed_limit: self.avatar_speed,
-            // Nobody here listens.
+            // Nobody here takes events.
             events: false,
             avatar_expiry: self.keep_avatars,
             record: self.record.clone(),
@@ -254,7 +262,7 @@ impl Serve {
     /// Says that the world is kept, and how to go on with it.
     fn tell_of_suspension(&self, summary: &ServerSummary, common: &Common) {
         let (tick, data) = (summary.tick.0, self.data.display());
-        // Without the files by which it is reached.
+        // Without the query, which names the files for etcd's TLS and users.
         let place = self.directory.as_deref().and_then(|place| place.split('?').next());
         common.say(&match (place, summary.kept) {
             (Some(place), _) => format!(
@@ -265,7 +273,7 @@ impl Serve {
             ),
             (None, false) => "the world had not begun, and nothing of it is kept".to_owned(),
         });
-        // A terminal that is gone does not read it.
+        // A failure does not matter: the terminal may be gone.
         let _ = Served::new(summary, self.ticks.map(Tick)).show(self.json);
     }
 
@@ -286,7 +294,7 @@ impl Serve {
         Ok(())
     }
 
-    /// Opens what the world begins with.
+    /// Opens the scene or the snapshot with which the world begins.
     fn origin(&self, common: &Common) -> Result<Beginning, Failure> {
         if !snapshot::is_one(&self.scene) {
             let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
@@ -310,9 +318,9 @@ impl Serve {
         Ok(Beginning::Snapshot(Box::new(snapshot::restore(&self.scene, 1, common)?)))
     }
 
-    /// Returns whether the user who asked for an end means that of the world, and not of its server alone.
+    /// Returns whether a user who asked for an end wants the world to end, and not only its server.
     fn ends(&self, interrupt: Interrupt, common: &Common) -> bool {
-        // A parent process asks for it by the end of standard input, or passes on what the terminal says.
+        // A parent process asks for that by the end of standard input, or passes on what the terminal says.
         let ends = self.until_stdin_ends
             || interrupt.pressed() && std::io::stdin().is_terminal() && {
                 common.say("stopping, and keeping the world; Ctrl-C again ends it for all");
@@ -382,7 +390,8 @@ enum Beginning {
     Snapshot(Box<LocalWorld>),
 }
 
-/// Starts the server, or stands by until it is its turn; `None`: the user asked for an end before that.
+/// Starts the server, or stands by until it is its turn. Returns `None` if the user asked for an end before
+/// that.
 fn start(
     origin: &Beginning,
     config: ServeConfig,
@@ -408,14 +417,14 @@ fn start(
         if !stands_by {
             notifier.waits(why);
         }
-        // Who holds the world counts, and not how etcd puts each time that it does not answer.
+        // Only who holds the world counts, not how etcd words each time that it does not answer.
         let news = Some(if stands_by { why.to_owned() } else { String::new() });
         if told != news {
             told = news;
             if stands_by {
                 notifier.ready(why);
             }
-            // What cannot be printed keeps nobody from standing by.
+            // A failure to print does not end the standby.
             let _ = print(why);
         }
         !interrupt.asked()
@@ -429,7 +438,7 @@ fn start(
     started.map_err(fails)
 }
 
-/// Returns who is a member and has which regions.
+/// Returns the number of a view, and which regions each member has.
 fn shares(view: Option<&View>) -> Option<(ViewNumber, Allocation)> {
     view.map(|view| (view.number, view.allocation.clone()))
 }

@@ -19,8 +19,8 @@ use crate::sim::{
 
 /// Runs whole clusters in virtual time, under faults, and checks that nothing is lost, doubled or thrown about
 ///
-/// The same machines that run over the network, with simulated processes, clocks, disks and links. One seed, one run: a
-/// seed that fails prints what happened, and fails again.
+/// Runs the same state machines as over the network, with simulated processes, clocks, disks and links. Each
+/// run comes from one seed: a seed that fails prints what happened, and fails again.
 ///
 /// Examples:
 ///   dcd simulate
@@ -31,7 +31,7 @@ use crate::sim::{
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = profiles())]
 pub(super) struct Simulate {
-    /// Which seeds, from A up to but without B
+    /// The seeds, from A up to but without B
     #[arg(long, value_name = "A..B", default_value = "0..100", value_parser = seeds)]
     seeds: Range<u64>,
     /// Nodes of each cluster
@@ -40,19 +40,20 @@ pub(super) struct Simulate {
     /// Clients of each cluster, with an avatar each
     #[arg(long, value_name = "M", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=64))]
     clients: u32,
-    /// Which faults; several are one row each: see below
+    /// The faults, see below; each gives a row of its own
     #[arg(long, value_name = "NAME", default_value = "all", value_delimiter = ',', value_parser = named)]
     faults: Vec<Profiles>,
-    /// What is computed; several are one row each: see below
+    /// The worlds that are computed, see below; each gives a row of its own
     #[arg(long, value_name = "NAME", default_value = FLYING, value_delimiter = ',', value_parser = scenes)]
     scene: Vec<Scenes>,
-    /// Print what happened even when nothing failed; of one seed
+    /// Print what happened even if nothing failed; for one seed only
     #[arg(long, conflicts_with = "json")]
     timeline: bool,
-    /// Record the nodes of runs that fail, and of a single seed in any case: a folder for each, for `dcd replay`
+    /// Record the nodes of runs that fail, and those of a single seed in any case, into a folder per run, for
+    /// `dcd replay`
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Print one JSON object a row
+    /// Print one JSON object per row
     #[arg(long)]
     json: bool,
 }
@@ -86,7 +87,7 @@ impl Simulate {
             check_new(folder, &rows, &self.seeds)?;
         }
         let bar = common.progress(count * rows.len() as u64, "runs", self.json);
-        // A machine that panics is a violation, which is reported with its seed.
+        // A state machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
         if !self.json {
             print(&heading())?;
@@ -154,7 +155,8 @@ fn prefix((profile, scene): (FaultProfile, Option<ContactScene>)) -> String {
     format!("{profile}{scene}-")
 }
 
-/// Refuses a folder that has recordings of one of these runs: recordings of two runs in one folder are of neither.
+/// Refuses a folder that has recordings of one of these runs: mixed, the recordings of two runs would be of
+/// neither.
 fn check_new(
     record: &Path,
     rows: &[(FaultProfile, Option<ContactScene>)],
@@ -165,7 +167,7 @@ fn check_new(
         let seed = |prefix: &String| name.strip_prefix(prefix)?.parse().ok();
         prefixes.iter().filter_map(seed).any(|seed: u64| seeds.contains(&seed))
     };
-    // What is not there, or cannot be read, is told of when it is written to.
+    // A folder that does not exist or cannot be read is reported when it is written to.
     let entries = fs::read_dir(record).into_iter().flatten().flatten();
     match entries
         .map(|entry| entry.path())
@@ -219,7 +221,7 @@ struct Told {
     elections: u64,
     messages: u64,
     bytes: u64,
-    /// The worst of each quantity of bodies that touch, as a share of its gate.
+    /// The worst value of each quantity of bodies that touch, as a share of its gate.
     of_gate: BTreeMap<&'static str, f64>,
     #[serde(skip)]
     greatest: Option<f64>,

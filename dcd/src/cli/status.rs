@@ -1,4 +1,4 @@
-//! Implements `dcd status`: shows who computes a served world, and how it goes.
+//! Implements `dcd status`: shows which nodes compute a served world, and how it goes.
 
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -19,20 +19,20 @@ use crate::runtime::measure::FidelityShare;
 use crate::runtime::{ProcessError, StatusLink};
 use crate::space::Bounds;
 
-/// The time between two looks, from which rates follow.
+/// The time between two answers of the server, from which rates follow.
 const BETWEEN: Duration = Duration::from_secs(1);
-/// How long an answer may take.
+/// The most time for an answer.
 const ANSWER: Duration = Duration::from_secs(10);
 /// How long a token of our own is valid: it is used at once.
 const AT_ONCE: Duration = Duration::from_secs(60);
-/// Interval at which Ctrl-C is looked for.
+/// The interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
 /// Clears a terminal, and goes to its upper left corner.
 const CLEAR: &str = "\x1b[2J\x1b[H";
 
 /// Shows who computes a served world: nodes, groups, regions and their owners, and how fast it goes
 ///
-/// Takes a second, for rates. On the server's machine `--data` in place of `--token` makes the token.
+/// Takes a second, to measure rates. On the server's machine, `--data` in place of `--token` makes the token.
 ///
 /// Examples:
 ///   dcd status --data /var/lib/dcd
@@ -46,16 +46,17 @@ const CLEAR: &str = "\x1b[2J\x1b[H";
                        With --watch there is a line per second."
 )]
 pub(super) struct Status {
-    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    /// The server's address; with standby servers (`dcd serve --directory`) all addresses, separated by
+    /// commas
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
     server: Vec<SocketAddr>,
-    /// From `dcd token --role client`; used up by this
+    /// Token from `dcd token --role client`; it is used up by this
     #[arg(long, required_unless_present = "data")]
     token: Option<String>,
     /// The server's data folder, on its machine: whoever may read it needs no token
     #[arg(long, value_name = "DIR", conflicts_with = "token")]
     data: Option<PathBuf>,
-    /// Show it once per second until Ctrl-C
+    /// Show the status once per second until Ctrl-C
     #[arg(long)]
     watch: bool,
     /// Print one JSON object
@@ -88,7 +89,8 @@ impl Status {
         }
     }
 
-    /// Says where to look instead, where the folder leads to believe that its server listens at the usual address.
+    /// Returns the failure, with a hint at --server where --data and the usual address were used: the server
+    /// of that folder may listen elsewhere.
     fn failure(&self, error: ProcessError) -> Failure {
         let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
         if self.data.is_some() && usual && matches!(error, ProcessError::Net(NetError::Unreachable { .. })) {
@@ -113,7 +115,7 @@ impl Status {
     }
 }
 
-/// What is shown.
+/// The status that is shown.
 #[derive(Serialize)]
 struct Report {
     tick: u64,
@@ -136,7 +138,7 @@ struct Node {
     state: &'static str,
     regions: Vec<String>,
     bodies: u32,
-    /// Its part of the bodies of its group.
+    /// Its share of the bodies of its group, 0 to 1.
     load: f64,
     delay_ms: Option<f32>,
     unreached: u32,
@@ -165,7 +167,7 @@ struct Region {
 }
 
 impl Report {
-    /// Makes it of two answers, and the time between them.
+    /// Creates it from two answers, and the time between them.
     fn of(before: &Told, now: &Told, between: Duration) -> Self {
         let ticks_per_s = now.tick.0.saturating_sub(before.tick.0) as f64 / between.as_secs_f64();
         let groups = now.groups.iter().map(|group| Group {

@@ -44,7 +44,7 @@ pub(super) struct Served {
 }
 
 impl Served {
-    /// Creates it. The state is known to be of the last tick only when there was one.
+    /// Creates it. It has a state hash only if the world ended at `last_tick`, of which the state is known.
     pub(super) fn new(summary: &ServerSummary, last_tick: Option<Tick>) -> Self {
         let is_whole = last_tick == Some(summary.tick);
         Self {

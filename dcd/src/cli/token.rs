@@ -9,9 +9,10 @@ use super::failure::Failure;
 use super::values::{duration, is_used};
 use crate::net::{Authority, JoinRole};
 
-/// Prints tokens, one a line, each of which lets one process join the server of a data folder, or as many as --uses says
+/// Prints tokens, one per line; each lets one process (or --uses many) join the server of a data folder
 ///
-/// The server counts joins durably. Works while the server runs, and while it does not. Whoever may read the folder may mint tokens.
+/// The server counts joins durably. It need not run for this command. Whoever may read the folder may make
+/// tokens.
 ///
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
@@ -25,16 +26,16 @@ pub(super) struct Token {
     /// server's program does)
     #[arg(long, value_parser = role)]
     role: JoinRole,
-    /// For how long the token can be used: 90s, 10m, 2h, 1d
+    /// How long the token can be used: 90s, 10m, 2h, 1d
     #[arg(long, value_name = "TIME", default_value = "10m", value_parser = duration)]
     valid: Duration,
-    /// How many
+    /// How many tokens
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     count: u16,
-    /// How many processes each lets join: nodes that are made from one image, or by one unit file
+    /// How many processes each token lets join, as nodes that are made from one image, or by one unit file
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     uses: u32,
-    /// Makes the folder, for a server that is still to be started
+    /// Make the folder, for a server that is still to be started
     #[arg(long)]
     new: bool,
 }

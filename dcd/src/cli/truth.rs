@@ -1,4 +1,4 @@
-//! Measures how far what a client shows is from the truth, which a second link tells, without a limit.
+//! Measures how far bodies that a client shows are from the truth, which a second link without a limit tells.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -7,22 +7,22 @@ use crate::protocol::BodyKind;
 use crate::runtime::ClientWorld;
 use crate::space::BodyId;
 
-/// The states of a body that are kept to compare with: two seconds, told twenty times per second.
+/// The states of a body that are kept for comparison: two seconds, told twenty times per second.
 const KEPT: usize = 40;
 
-/// States farther apart than this do not say what was in between, ticks.
+/// The longest time between two states that is interpolated, ticks.
 const GAP: f64 = 6.0;
 
-/// A body of which a state came within so many ticks moves, or has just come to rest.
+/// The time after its last state for which a body counts as moving, or as just come to rest, ticks.
 const MOMENT: f64 = 60.0;
 
-/// The ticks after which no state comes any more that tells of an earlier one.
+/// The time after which no state of an earlier tick comes any more, ticks.
 const LATEST: f64 = 120.0;
 
 /// The most errors that are kept.
 const ERRORS: usize = 4 << 20;
 
-/// What is shown, until the truth of that tick is known.
+/// The states that the second link told, and what the client showed until the truth of that tick is known.
 pub(super) struct Truth {
     world: ClientWorld,
     told: BTreeMap<BodyId, VecDeque<(f64, Motion)>>,
@@ -31,12 +31,12 @@ pub(super) struct Truth {
 }
 
 impl Truth {
-    /// Takes the link that tells the truth.
+    /// Creates it with the link that tells the truth.
     pub(super) fn of(world: ClientWorld) -> Self {
         Self { world, told: BTreeMap::new(), shown: VecDeque::new(), errors_mm: Vec::new() }
     }
 
-    /// Notes what a client shows now of bodies that move.
+    /// Notes what a client shows now of bodies that move, and compares what it showed [`LATEST`] ticks ago.
     pub(super) fn look(&mut self, client: &mut ClientWorld, dt_s: f64) {
         let truth = states(&mut self.world);
         for &(id, tick, motion) in &truth {
@@ -49,7 +49,7 @@ impl Truth {
             }
         }
         let Some(time) = client.view_time() else { return };
-        // What moves in truth, or is shown moving.
+        // Bodies that move in truth, or are shown moving.
         let moving: BTreeSet<_> = states(client).into_iter().chain(truth).map(|(id, ..)| id).collect();
         let shown =
             moving.into_iter().filter_map(|id| Some((id, client.motion_at(id, time.shown)?))).collect();
@@ -65,7 +65,7 @@ impl Truth {
         }
     }
 
-    /// Returns how a body was at a tick, if states close by tell.
+    /// Returns the true motion of a body at a tick, if states close to it are known.
     fn at(&self, id: BodyId, tick: f64, dt_s: f64) -> Option<Motion> {
         let told = self.told.get(&id)?;
         let after = told.partition_point(|&(of, _)| of <= tick);
@@ -85,7 +85,7 @@ impl Truth {
         errors
     }
 
-    /// Says good-bye to the server.
+    /// Leaves the server.
     pub(super) fn leave(self) {
         let _ = self.world.leave();
     }

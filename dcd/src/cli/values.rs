@@ -32,7 +32,7 @@ pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     found.first().copied().ok_or_else(|| format!("`{text}` has no address; write it as numbers"))
 }
 
-/// Returns what joins a server that is at one of these addresses.
+/// Returns the configuration to join a server that is at one of these addresses.
 pub(super) fn joining(servers: &[SocketAddr], token: impl Into<String>) -> JoinConfig {
     JoinConfig { standbys: servers[1..].to_vec(), ..JoinConfig::new(servers[0], token) }
 }
@@ -94,7 +94,7 @@ pub(super) fn is_used(data: &Path) -> Result<bool, Failure> {
     })
 }
 
-/// Checks that a recording is no other's.
+/// Checks that a new recording overwrites nothing: the file must not exist, or be empty.
 pub(super) fn unused(path: &Path) -> Result<(), Failure> {
     if path.metadata().is_ok_and(|file| file.len() > 0) {
         return Err(Failure::usage(format!(

@@ -1,4 +1,4 @@
-//! Opens the viewer of a subcommand, and says where; looks on at a served world as a client of it.
+//! Opens the viewer of a subcommand and prints its URL; shows a served world as a client of it.
 
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -7,24 +7,25 @@ use super::failure::Failure;
 use crate::Viewer;
 use crate::runtime::{ClientWorld, JoinConfig};
 
-/// Where `--view` without an address shows the world.
+/// The address of `--view` where none is given: any free port of this machine.
 pub(super) const ANY_PORT: &str = "127.0.0.1:0";
 
-/// Opens a viewer, and says where on standard error: also to those who want no messages, since nobody could open it otherwise.
+/// Opens a viewer, and prints its URL on standard error, even with `--quiet`: nobody could open the page
+/// otherwise.
 pub(super) fn open(address: SocketAddr, name: &str) -> Result<Viewer, Failure> {
     let viewer = Viewer::open(address, name).map_err(|error| Failure::usage(error.to_string()))?;
     let _ = writeln!(std::io::stderr(), "view {}", viewer.url());
     Ok(viewer)
 }
 
-/// A client without avatars that is there to be looked at.
+/// A client without avatars, whose world a viewer shows.
 pub(super) struct Onlooker {
     viewer: Viewer,
     world: ClientWorld,
 }
 
 impl Onlooker {
-    /// Joins the world of a server of this process with a token of its own.
+    /// Joins the world of a server of this process. `token` is for this client alone.
     pub(super) fn join(view: SocketAddr, server: SocketAddr, token: String) -> Result<Self, Failure> {
         let viewer = open(view, &format!("the world of {server}"))?;
         let ip = if server.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { server.ip() };
@@ -32,7 +33,7 @@ impl Onlooker {
         Ok(Self { viewer, world: ClientWorld::connect(&join)? })
     }
 
-    /// Shows the world as it is told of it now.
+    /// Shows the world as the client knows it now.
     pub(super) fn look(&mut self) {
         let events = self.world.take_events();
         self.viewer.show_client(&mut self.world, &events.handovers);

@@ -15,28 +15,29 @@ const SERVED_ISLAND: usize = 256;
 /// How the world is cut and how its regions agree.
 #[derive(clap::Args)]
 pub(super) struct CutArgs {
-    /// Cuts the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several times
+    /// Cut the whole world by a plane, as x=0 or y=2.5 (metres), instead of halving; may be given several
+    /// times
     #[arg(long, value_name = "AXIS=VALUE", value_parser = plane)]
     cut: Vec<(Axis, f64)>,
-    /// Regions follow the load: their planes move so that all have equal shares. With a range, as 1-8, regions are also cut
-    /// and merged as there is more or less to do
+    /// Let regions follow the load: their planes move so that all have equal shares. With a range, as 1-8,
+    /// regions are also cut and merged as there is more or less to do
     #[arg(long, value_name = "LEAST-MOST", num_args = 0..=1, default_missing_value = "", value_parser = range)]
     balance: Option<Range>,
     /// How regions agree on the bodies that they share [default: what the scene says, else auto]
     #[arg(long, value_name = "NAME", value_parser = coupling())]
     coupling: Option<Coupling>,
-    /// Substeps a tick, with an exchange between regions after each (for `auto` the most a border may take) [default: 1
-    /// for proxy and owner, 2 for overlap and island, 4 for auto]
+    /// Substeps per tick, with an exchange between regions after each (for `auto` the most a border may take)
+    /// [default: 1 for proxy and owner, 2 for overlap and island, 4 for auto]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_ROUNDS)))]
     exchanges: Option<u32>,
     /// Contact hops across a border within which bodies live in both regions [default: 2]
     #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
     depth: Option<u32>,
-    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any; 256 by
-    /// `dcd serve`; balanced by `dcd run` at most 16 to 256]
+    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any
+    /// island; 256 for a scene by `dcd serve`; at most 16 to 256 for a balanced world of `dcd run`]
     #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
-    /// The disagreement of replicas that `auto` tolerates, in metres per second [default: 0.03]
+    /// The disagreement of ghosts that `auto` tolerates, in metres per second [default: 0.03]
     #[arg(long, value_name = "M_S", value_parser = tolerance)]
     tolerance: Option<f32>,
     /// How much accuracy `auto` is asked for; sets the four options above, which still override it
@@ -65,7 +66,7 @@ impl CutArgs {
             let regions = config.tree_of(scene).map_err(|error| explained(error.into(), scene))?.leaf_count();
             let (least_regions, most_regions) = match (range, &config.partitioning) {
                 (Some(range), _) => range,
-                // As many as its scene says.
+                // As many regions as the scene says.
                 (None, Partitioning::Auto) if config.balance.is_some() => {
                     (balance.least_regions, balance.most_regions)
                 }
@@ -77,7 +78,8 @@ impl CutArgs {
         Ok(config)
     }
 
-    /// Does the same for a world of this process, where one region has nothing to be balanced with.
+    /// Returns the configuration of a world of this process. Fails if --balance is given for one region,
+    /// which has nothing to be balanced with.
     pub(super) fn local_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let config = self.config(scene, regions)?;
         if self.balance.is_some() && config.balance.is_some_and(|balance| balance.most_regions == 1) {
@@ -89,8 +91,8 @@ impl CutArgs {
         Ok(config)
     }
 
-    /// Returns the same for a world that nodes share: unless told otherwise, islands that are too large for one of them are cut, and
-    /// each has a region.
+    /// Returns the configuration of a world that nodes share. Unless scene or options say otherwise, islands
+    /// too large for one node are cut, and each node has a region.
     pub(super) fn served_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = self.config(scene, regions)?;
         if self.island_limit.is_none() && scene.coupling.island_limit.is_none() {
@@ -102,7 +104,7 @@ impl CutArgs {
         Ok(config)
     }
 
-    /// Returns the first of these options that was given, for commands in which nothing is left to choose.
+    /// Returns the first of these options that was given, for commands that leave nothing to choose.
     pub(super) fn first_given(&self) -> Option<&'static str> {
         let given = [
             ("--cut", !self.cut.is_empty()),
@@ -128,7 +130,7 @@ impl CutArgs {
     }
 }
 
-/// A range of region counts; none keeps as many as there are.
+/// A range of region counts; `None` keeps the present count.
 #[derive(Clone, Copy)]
 struct Range(Option<(usize, usize)>);
 
@@ -182,7 +184,7 @@ fn plane(text: &str) -> Result<(Axis, f64), String> {
 pub(super) fn explained(error: WorldError, scene: &Scene) -> Failure {
     match error {
         WorldError::Tree(TreeError::Plane { axis, at }) => outside(axis, at, scene),
-        // Threads are the machine's; all else is what the scene asks for.
+        // Missing threads are the machine's fault; everything else is what the scene asks for.
         WorldError::Host(HostError::Threads { .. }) => error.into(),
         WorldError::Host(_) | WorldError::TooFast { .. } => {
             Failure::usage(format!("the scene `{}` cannot be: {error}", scene.name))

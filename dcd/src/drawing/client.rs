@@ -1,4 +1,4 @@
-//! Tells what is drawn of a served world, as a client of it is told.
+//! Implements `Source` for a served world as a client knows it.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,8 @@ use crate::protocol::{BodyKind, BodyRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::runtime::ClientWorld;
 use crate::space::{BodyId, Bounds, DistributionTree, RegionId};
 
-/// A client's world at a moment: how it is cut does not change while it is looked at.
+/// A client's world at a moment, with the distribution tree of that moment: regions do not change during a
+/// look.
 pub(crate) struct Told<'a> {
     world: &'a ClientWorld,
     time: ViewTime,
@@ -54,7 +55,7 @@ impl Source for Told<'_> {
             }
             None::<()>
         });
-        // As its player would see it.
+        // Bodies are drawn where the player would see them.
         let shown = self.world.motions_at(known.iter().map(|(id, _)| *id), &self.time);
         for ((id, seen), motion) in known.into_iter().zip(shown) {
             look(

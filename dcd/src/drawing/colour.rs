@@ -1,8 +1,9 @@
-//! Chooses colours: that of a region, as the viewer's page has it, and that of a body.
+//! Chooses the colours of regions, as the viewer's page has them, and of bodies.
 
 use super::source::Seen;
 
-/// Colours of regions by their places, as red, green and blue; `view/page/main.js` has the same.
+/// The colours of regions by their indices in id order, as red, green and blue. `view/page/main.js` has the
+/// same.
 const REGIONS: [[u8; 3]; 12] = [
     [0x42, 0x69, 0xd0],
     [0xef, 0xb1, 0x18],
@@ -17,17 +18,18 @@ const REGIONS: [[u8; 3]; 12] = [
     [0x5f, 0xa8, 0xe8],
     [0xd8, 0x76, 0x3a],
 ];
-/// What fixed bodies are, and what those that sleep tend to.
+/// The colour of fixed bodies. The colours of sleeping bodies are mixed with it.
 const GREY: [u8; 3] = [0x9a, 0xa0, 0xa8];
-/// The opacity of sensors, and of bodies that were last heard of some time ago.
+/// The opacity of sensors, and of bodies outside the area of interest.
 const FAINT: u8 = 0x60;
 
-/// Returns the colour of the region at a place in the order of ids.
+/// Returns the colour of the region at an index in id order.
 pub(crate) fn of_region(place: u16) -> [u8; 4] {
     opaque(REGIONS[usize::from(place) % REGIONS.len()])
 }
 
-/// Returns the colour of a movable body: its owner's, greyed while it sleeps, faint if it was last heard of some time ago.
+/// Returns the colour of a movable body: its owner's, greyed while it sleeps, faint if it is outside the area
+/// of interest.
 pub(crate) fn of_body(seen: &Seen) -> [u8; 4] {
     let [red, green, blue, _] = of_region(seen.owner);
     let own = [red, green, blue];
@@ -41,7 +43,7 @@ pub(crate) fn of_fixed() -> [u8; 4] {
     opaque(GREY)
 }
 
-/// Returns a colour so that one sees through it.
+/// Returns a colour with the opacity [`FAINT`].
 pub(crate) fn faint([red, green, blue, _]: [u8; 4]) -> [u8; 4] {
     [red, green, blue, FAINT]
 }

@@ -7,11 +7,12 @@ use rapier3d::prelude::{Pose, Rotation, SharedShape, Vector};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{BodyRecord, Pose as PoseRecord, ShapeHash, ShapeRecord};
 
-/// The most vertices of all meshes together; shapes beyond are drawn as their boxes.
+/// The most vertices of all meshes together. Further shapes are drawn as their bounding boxes.
 const MOST_VERTICES: usize = 4 << 20;
-/// So many shapes that need no mesh are known before they are forgotten.
+/// The number of known shapes without a mesh at which they are forgotten.
 const MOST_SIMPLE: usize = 1 << 15;
-/// Numbers of geometries: the page has the first ones, meshes come after.
+/// The numbers of geometries. The page makes those below [`FIRST_MESH`] itself; meshes have the numbers from
+/// there on.
 pub(crate) const BOX: u16 = 0;
 pub(crate) const BALL: u16 = 1;
 pub(crate) const CAPSULE: u16 = 2;
@@ -27,7 +28,8 @@ pub(crate) struct Part {
     pub(crate) sensor: bool,
     pub(crate) translation: [f32; 3],
     pub(crate) rotation: [f32; 4],
-    /// Half edges of a box; radius, half height and radius of what is round about y; 1 of a mesh.
+    /// Half edges of a box; radius, half height and radius of a shape that is round about y; 1, 1, 1 of
+    /// planes and meshes.
     pub(crate) size: [f32; 3],
 }
 
@@ -46,7 +48,7 @@ pub(crate) struct Geometries {
     kept: usize,
     meshes: u16,
     vertices: usize,
-    /// Those that nobody has taken.
+    /// The meshes that nobody has taken yet.
     fresh: Vec<Mesh>,
 }
 
@@ -82,7 +84,7 @@ impl Geometries {
                 .iter()
                 .flat_map(|(place, child)| {
                     let place = pose(place);
-                    // A compound of compounds is no shape.
+                    // A compound within a compound is not a valid shape.
                     let parts = find(*child)
                         .filter(|child| !child.is_compound())
                         .map(|child| self.simple(child))
@@ -97,8 +99,8 @@ impl Geometries {
         parts
     }
 
-    /// Forgets the shapes that need no mesh, if they are many: in a world that runs for long they may all be of bodies that are gone. Meshes keep
-    /// their numbers, of which there are few.
+    /// Forgets the shapes without a mesh if there are many: in a world that runs for long, all their bodies
+    /// may be gone. Shapes with a mesh stay known, as meshes keep their numbers, of which there are few.
     fn forget_simple(&mut self) {
         if self.parts.len() - self.kept >= MOST_SIMPLE {
             self.parts.retain(|_, parts| parts.iter().any(|part| part.geometry >= FIRST_MESH));
@@ -139,7 +141,7 @@ impl Geometries {
             ShapeRecord::Triangle(corners) | ShapeRecord::RoundTriangle(corners, _) => {
                 self.mesh(Mesh { vertices: corners.to_vec(), triangles: vec![[0, 1, 2]] })
             }
-            // Drawn as lines: two of the three corners of each triangle are one.
+            // Drawn as lines: two of the three corners of each triangle are the same.
             ShapeRecord::Segment(ends) => {
                 self.mesh(Mesh { vertices: ends.to_vec(), triangles: vec![[0, 1, 1]] })
             }

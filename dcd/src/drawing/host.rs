@@ -1,4 +1,5 @@
-//! Tells what is drawn of the regions that a process computes: all of a local world, or those of a node.
+//! Implements `Source` for the regions that a process computes: all regions of a local world, or those of a
+//! node.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -134,7 +135,8 @@ pub(super) fn seen(region: &Region, handle: RigidBodyHandle, owner: usize) -> Se
     }
 }
 
-/// Returns the bodies of regions that other processes compute, as ghosts here show them, in id order. A local world has none.
+/// Returns the bodies that other processes own, as ghosts in this process show them, in id order. A local
+/// world has none.
 pub(super) fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
     if host.regions().len() == host.partition().tree().leaf_count() {
         return Vec::new();
@@ -151,7 +153,7 @@ pub(super) fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
     guests
 }
 
-/// Returns what touches in a region, each pair where that answers for it, so that none comes twice.
+/// Returns the contacts for which a region answers. As one region answers for each pair, no pair comes twice.
 fn contacts_in(region: &Region) -> impl Iterator<Item = ContactSeen> {
     let world = region.physics();
     world.contact_pairs().filter(|pair| pair.has_any_active_contact()).filter_map(move |pair| {

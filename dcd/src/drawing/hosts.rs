@@ -1,4 +1,5 @@
-//! Tells what is drawn of a cluster whose nodes this process computes, as a replay does: each body as its owner has it.
+//! Implements `Source` for a cluster whose nodes this process computes, as a replay does. Each body is drawn
+//! as its owner has it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,8 +9,8 @@ use crate::physics::{Region, RegionHost};
 use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::space::{BodyId, Bounds, JointId, NodeId, RegionId};
 
-/// The regions of several nodes, or those of a local world, after the same tick. Of a body that two groups of nodes own, the first node's
-/// counts.
+/// The regions of several nodes, or those of a local world, after the same tick. A body that two groups of
+/// nodes own is drawn as the first node has it.
 pub(crate) struct Hosts<'a> {
     tick: u64,
     hosts: Vec<Host<'a>>,
@@ -19,12 +20,12 @@ pub(crate) struct Hosts<'a> {
 /// The regions of one node.
 struct Host<'a> {
     regions: &'a RegionHost,
-    /// The place in the list of all regions of each leaf of its tree.
+    /// For each leaf of its tree, the index of the region in the list of all regions.
     places: Vec<u16>,
 }
 
 impl<'a> Hosts<'a> {
-    /// Returns `None` if there are none.
+    /// Collects the regions of hosts; returns `None` if there is no host.
     pub(crate) fn of(
         tick: u64,
         hosts: impl IntoIterator<Item = (Option<NodeId>, &'a RegionHost)>,
@@ -37,7 +38,7 @@ impl<'a> Hosts<'a> {
             let own = Source::regions(*host).into_iter().filter(|region| here.contains(&region.id));
             all.extend(own.map(|region| RegionSeen { node, ..region }));
         }
-        // Those of nodes that are not here.
+        // Adds the regions of nodes that are not here.
         let computed: BTreeSet<u32> = all.iter().map(|region| region.id).collect();
         let (_, first) = hosts.first()?;
         all.extend(Source::regions(*first).into_iter().filter(|region| !computed.contains(&region.id)));
@@ -68,7 +69,8 @@ impl<'a> Hosts<'a> {
             .or_else(|| hosts().find(|host| host.record(id).is_some()))
     }
 
-    /// Returns every copy of a body with the place of its owner and whether another host has that.
+    /// Returns every ghost, with the index of the region that owns its body and whether another host has that
+    /// region.
     fn copies(&self) -> Vec<(Ghost, u16, bool)> {
         let mut owners = BTreeMap::new();
         for (at, host) in self.hosts.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Draws worlds between their steps: what the viewer, debug draw and glTF files show comes from one trait, [`Source`], and is drawn by
-//! the same few geometries.
+//! Draws worlds between their steps. The viewer, debug draw and glTF files read a world by one trait,
+//! [`Source`], and draw it with the same few geometries.
 
 #[cfg(feature = "view")]
 mod client;

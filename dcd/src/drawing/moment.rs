@@ -1,4 +1,4 @@
-//! Copies what is shown of a world out of it, between two of its steps.
+//! Copies from a world what is shown of it, between two of its steps.
 
 use std::sync::Arc;
 
@@ -10,22 +10,22 @@ use crate::space::BodyId;
 
 /// The most contacts of one picture.
 const MOST_CONTACTS: usize = 8192;
-/// For how many pictures a slot that became empty is kept so: longer than any picture is kept.
+/// The number of pictures for which a slot that became empty stays empty: longer than any picture is kept.
 pub(crate) const KEPT_FRAMES: u64 = 2400;
 
-/// A body that came.
+/// A body that came or changed its look. All fixed bodies arrive if one of them came, went or was moved.
 pub(crate) struct Arrival {
     pub(crate) slot: u32,
     pub(crate) id: BodyId,
     pub(crate) kind: u8,
     /// Whether it is an avatar of this process.
     pub(crate) own: bool,
-    /// Where it is, if it is fixed.
+    /// Its pose, if it is fixed.
     pub(crate) fixed: Option<WorldPose>,
     pub(crate) parts: Vec<Part>,
 }
 
-/// A joint: the slots of its bodies, whether these are fixed, and where it is on each.
+/// A joint: the slots of its bodies, whether these are fixed, and its anchors on them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct JointSeen {
     pub(crate) slots: [(u32, bool); 2],
@@ -40,7 +40,7 @@ pub(crate) struct GhostSeen {
     pub(crate) off_m_s: f32,
 }
 
-/// What is shown of a world at a tick, and what changed since the last such look.
+/// The state of a world that is shown at a tick, and what changed since the last look.
 #[derive(Default)]
 pub(crate) struct Moment {
     pub(crate) number: u64,
@@ -62,7 +62,7 @@ pub(crate) struct Moment {
     pub(crate) details: Vec<Details>,
 }
 
-/// What a look is to tell besides.
+/// What a look includes on request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wishes {
     pub(crate) contacts: bool,
@@ -70,22 +70,22 @@ pub(crate) struct Wishes {
     pub(crate) chosen: Vec<BodyId>,
 }
 
-/// What is known of the world's bodies from one look to the next.
+/// The state of looks at a world that is kept from one look to the next.
 #[derive(Default)]
 pub(crate) struct Looker {
     movable: Slots,
     fixed: Slots,
-    /// Where fixed bodies are, in id order.
+    /// The poses of fixed bodies, in id order.
     places: Vec<WorldPose>,
     joints: Vec<JointSeen>,
     geometries: Geometries,
     number: u64,
-    /// Ids of the last look: memory to use again.
+    /// The ids of the last look, kept to use their memory again.
     ids: Vec<(BodyId, u64)>,
 }
 
 impl Looker {
-    /// Looks at a world; `memory` is a moment that is of no use any more.
+    /// Looks at a world. `memory` is a moment that is no longer needed: its memory is used again.
     pub(crate) fn look(&mut self, world: &impl Source, wishes: &Wishes, memory: Moment) -> Moment {
         self.number += 1;
         let Moment { mut rows, .. } = memory;
@@ -138,7 +138,7 @@ impl Looker {
         }
         let change = self.fixed.update(&ids, self.number, KEPT_FRAMES);
         moment.departures.extend(change.went.iter().map(|&slot| (slot, true)));
-        // All of them: which of many were moved, and were not there before, matters to nobody.
+        // All of them arrive: nobody needs to know which of them came or were moved.
         let slots = Arc::clone(self.fixed.in_order());
         for ((&(id, _), &slot), &pose) in ids.iter().zip(slots.iter()).zip(&places) {
             self.arrive(world, id, slot, Some(pose), moment);
@@ -147,7 +147,7 @@ impl Looker {
         true
     }
 
-    /// Notes a body that came.
+    /// Adds a body to the arrivals of a moment.
     fn arrive(
         &mut self,
         world: &impl Source,
@@ -195,7 +195,7 @@ mod tests {
         looker.look(world.host(), &Wishes::default(), Moment::default())
     }
 
-    /// The bodies that came, with their geometries.
+    /// Returns the bodies that came, with their geometries.
     fn came(moment: &Moment) -> Vec<(BodyId, Vec<u16>)> {
         let of = |arrival: &Arrival| arrival.parts.iter().map(|part| part.geometry).collect();
         moment.arrivals.iter().map(|arrival| (arrival.id, of(arrival))).collect()

@@ -1,30 +1,33 @@
-//! Gives every body that is drawn a slot, a small number that it keeps while the pictures that show it are kept.
+//! Gives each drawn body a slot: a small number that no other body gets while pictures that show the body are
+//! kept.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::space::BodyId;
 
-/// For how many frames a body that looks otherwise keeps its slot, however it looks: one that changes in every tick takes no slot for each.
+/// The number of frames for which a body that got a new slot for a new look keeps this slot, however its look
+/// changes. A body that changes in every tick thus does not take a slot for each change.
 const CHANGED_FRAMES: u64 = 60;
 
-/// The slots of bodies, in id order. A body that looks otherwise than before is another one here, unless it has just been.
+/// The slots of bodies, in id order. A body whose look changes gets a new slot, unless it got one for that
+/// reason less than [`CHANGED_FRAMES`] frames before.
 #[derive(Default)]
 pub(crate) struct Slots {
-    /// With what they look like.
+    /// The bodies, each with a hash of its look.
     ids: Vec<(BodyId, u64)>,
     slots: Arc<Vec<u32>>,
-    /// When each last got another slot because it looked otherwise.
+    /// The frame in which each last got a new slot for a new look.
     changed: Vec<Option<u64>>,
-    /// Slots of bodies that went, and the frames in which they did, the oldest first.
+    /// Slots of bodies that went, each with the frame in which its body went, the oldest first.
     free: VecDeque<(u64, u32)>,
     count: u32,
 }
 
-/// What came and went.
+/// The bodies that came, and the slots that became empty.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Change {
-    /// Bodies and their new slots, or the slots that they keep though they look otherwise.
+    /// Bodies and their new slots, or the slots that they keep although their look has changed.
     pub(crate) came: Vec<(BodyId, u32)>,
     /// Slots that are empty now.
     pub(crate) went: Vec<u32>,
@@ -41,7 +44,7 @@ impl Slots {
         self.count
     }
 
-    /// Returns whether these are the bodies that have slots.
+    /// Returns whether exactly these bodies, with these looks, have slots.
     pub(crate) fn are(&self, ids: &[(BodyId, u64)]) -> bool {
         self.ids == ids
     }
@@ -51,8 +54,9 @@ impl Slots {
         Some(self.slots[self.ids.binary_search_by_key(&id, |(id, _)| *id).ok()?])
     }
 
-    /// Takes in which bodies there are at a frame, in id order, and what they look like. A slot that became empty less than `kept` frames before is not
-    /// given again: pictures of what was in it are kept.
+    /// Updates the slots to the bodies of a frame, given in id order with their looks. A slot that became
+    /// empty is given again only after more than `kept` frames: until then, pictures of its former body are
+    /// kept.
     pub(crate) fn update(&mut self, now: &[(BodyId, u64)], frame: u64, kept: u64) -> Change {
         let mut change = Change::default();
         if self.are(now) {

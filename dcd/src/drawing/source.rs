@@ -1,4 +1,4 @@
-//! Defines the trait `Source`: what a world tells those who draw it, and the values in which it does.
+//! Defines the trait `Source`, by which a world is read to be drawn, and the values that it returns.
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -9,24 +9,24 @@ use crate::space::{BodyId, Bounds, Cell, Epoch, JointId};
 /// A movable body as it is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Seen {
-    /// Metres, in world space.
+    /// The position in world space, metres.
     pub(crate) at: [f64; 3],
-    /// Unit quaternion, scalar last.
+    /// The rotation, a unit quaternion with its scalar last.
     pub(crate) turn: [f32; 4],
-    /// Metres per second.
+    /// The linear velocity, m/s.
     pub(crate) velocity_m_s: [f32; 3],
-    /// Its owner: the place of a region in [`Source::regions`].
+    /// The index of its owner in [`Source::regions`].
     pub(crate) owner: u16,
     /// Whether it sleeps.
     pub(crate) sleeping: bool,
-    /// Whether it was last heard of some time ago.
+    /// Whether it is outside the client's area of interest, so that its state was received some time ago.
     pub(crate) outside: bool,
-    /// What it looks like, by [`appearance_of`]; 0 where nobody looks twice.
+    /// A hash of its look, see [`appearance_of`]; 0 where it is not needed.
     pub(crate) appearance: u64,
 }
 
-/// Returns a number that tells bodies apart that do not look alike: by their kinds and colliders. A body may get other colliders, and an id may
-/// be given again after a world went back to a checkpoint.
+/// Returns a hash of a body's look: of its kind and its colliders. The look of an id may change, as a body
+/// may get other colliders, and an id may be given again after a world went back to a checkpoint.
 pub(crate) fn appearance_of(traits: &BodyTraits) -> u64 {
     let mut hasher = DefaultHasher::new();
     (traits.kind as u8).hash(&mut hasher);
@@ -43,12 +43,12 @@ pub(crate) fn appearance_of(traits: &BodyTraits) -> u64 {
 pub(crate) struct Tie {
     /// Its bodies.
     pub(crate) bodies: [BodyId; 2],
-    /// Where it is on each, metres.
+    /// Its anchor on each body, in the space of the body, metres.
     pub(crate) anchors: [[f32; 3]; 2],
 }
 
 impl Tie {
-    /// Returns the joint by its id.
+    /// Returns the id of a joint, and the joint as it is drawn.
     pub(crate) fn of(joint: &JointRecord) -> (JointId, Self) {
         let anchors = [joint.frame_a.translation, joint.frame_b.translation];
         (joint.id, Self { bodies: [joint.a, joint.b], anchors })
@@ -60,26 +60,26 @@ impl Tie {
 pub(crate) struct RegionSeen {
     /// Its id.
     pub(crate) id: u32,
-    /// The node that computes it, as far as known.
+    /// The node that computes it, if known.
     pub(crate) node: Option<u32>,
-    /// Copies of other regions' bodies that it holds.
+    /// The number of ghosts that it holds.
     pub(crate) ghosts: usize,
     /// Wall time of its last step, milliseconds.
     pub(crate) step_ms: f32,
-    /// The space that is its own.
+    /// Its cell.
     pub(crate) cell: Cell,
 }
 
-/// The border of two regions, named by their places in [`Source::regions`].
+/// The border between two regions, which are named by their indices in [`Source::regions`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BorderSeen {
-    /// One region, and the other.
+    /// The two regions.
     pub(crate) between: [u16; 2],
-    /// Bodies that both hold.
+    /// The number of bodies that both hold.
     pub(crate) bodies: usize,
     /// Exchanges per tick.
     pub(crate) exchanges: usize,
-    /// By how much their copies disagree, m/s.
+    /// The disagreement of their copies, m/s.
     pub(crate) disagreement_m_s: f32,
 }
 
@@ -88,50 +88,50 @@ pub(crate) struct BorderSeen {
 pub(crate) struct Ghost {
     /// The body.
     pub(crate) id: BodyId,
-    /// The place of the region that holds it.
+    /// The index of the region that holds it, in [`Source::regions`].
     pub(crate) holder: u16,
-    /// By how much its velocity differs from the owner's, m/s.
+    /// The difference of its linear velocity from the owner's, m/s.
     pub(crate) off_m_s: f32,
 }
 
 /// A pair of bodies that touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ContactSeen {
-    /// Where, in world space.
+    /// A point of contact in world space, metres.
     pub(crate) at: [f64; 3],
     /// The force on one of the two, newtons.
     pub(crate) force_n: [f32; 3],
 }
 
-/// Where a body is besides its pose: what only a process that computes it knows.
+/// The extent of a body, which only a process that computes the body knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extent {
-    /// The box around its colliders.
+    /// The box around its colliders, in world space.
     pub(crate) aabb: Bounds,
-    /// The box around all that it may reach in the next three ticks.
+    /// The swept AABB: the box around all that it may reach in the next three ticks.
     pub(crate) swept: Bounds,
-    /// In world space.
+    /// The centre of mass in world space, metres.
     pub(crate) centre_of_mass: [f64; 3],
 }
 
-/// What is told of one body that a viewer has chosen.
+/// The details of a body that a viewer has chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Details {
     /// The body.
     pub(crate) id: BodyId,
     /// The epoch of its owner.
     pub(crate) epoch: Epoch,
-    /// Its mass, kilograms, where it is known.
+    /// Its mass, kilograms; `None` if unknown.
     pub(crate) mass_kg: Option<f32>,
-    /// The number that its user gave it.
+    /// Its user data.
     pub(crate) user_data: u128,
-    /// How many regions hold it; 0 where that is not known.
+    /// The number of regions that hold it; 0 if unknown.
     pub(crate) holders: usize,
 }
 
 /// A world that can be looked at between two of its steps.
 pub(crate) trait Source {
-    /// Returns how many ticks are done.
+    /// Returns the number of completed ticks.
     fn tick(&self) -> u64;
 
     /// Returns the box in which borders are drawn.
@@ -140,13 +140,13 @@ pub(crate) trait Source {
     /// Visits every movable body in id order.
     fn for_each_movable(&self, look: impl FnMut(BodyId, Seen));
 
-    /// Visits every fixed body in id order, with what it looks like, as [`Seen::appearance`].
+    /// Visits every fixed body in id order, with its look as in [`Seen::appearance`].
     fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose, u64));
 
     /// Returns the whole record of a body.
     fn record(&self, id: BodyId) -> Option<BodyRecord>;
 
-    /// Returns a shape by its name.
+    /// Returns a shape by its hash.
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
 
     /// Returns all joints, as far as they are known.
@@ -162,27 +162,28 @@ pub(crate) trait Source {
         Vec::new()
     }
 
-    /// Returns the copies of bodies in regions that do not own them, as far as they are known.
+    /// Returns the ghosts of all regions, as far as they are known.
     fn ghosts(&self) -> Vec<Ghost> {
         Vec::new()
     }
 
-    /// Returns the boxes around these copies, and the places of the regions that hold them, as far as they are known.
+    /// Returns the boxes around ghosts, each with the index of the region that holds it, as far as they are
+    /// known.
     fn ghost_boxes(&self) -> Vec<(u16, Bounds)> {
         Vec::new()
     }
 
-    /// Returns what touches, as far as it is known, the first `most` pairs.
+    /// Returns the contacts, as far as they are known, and at most `most`.
     fn contacts(&self, _most: usize) -> Vec<ContactSeen> {
         Vec::new()
     }
 
-    /// Returns the extent of a movable body, where it is known.
+    /// Returns the extent of a movable body, if known.
     fn extent(&self, _id: BodyId) -> Option<Extent> {
         None
     }
 
-    /// Returns more of one body, where it is known.
+    /// Returns the details of a body, if known.
     fn details(&self, _id: BodyId) -> Option<Details> {
         None
     }

@@ -1,35 +1,35 @@
-//! Decides when the next step of a world is due that viewers may pause and step.
+//! Decides when the next step of a world is due, where viewers may pause it, step it and set its speed.
 
 use std::time::{Duration, Instant};
 
-/// How far a world that cannot keep its pace may fall behind before the time it lost is forgotten.
+/// The most time by which a slow world may be behind its schedule; time lost beyond that is forgotten.
 const MOST_BEHIND: Duration = Duration::from_millis(100);
-/// The most single steps that are asked for and not done yet.
+/// The most single steps that may be outstanding.
 const MOST_STEPS: u32 = 1000;
 
-/// Pause, single steps, speed, and ticks to go to.
+/// The controls of a world: pause, single steps, speed, and the tick of a recording to go to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Control {
     paused: bool,
-    /// A tick of a recording to go to.
+    /// The tick of a recording to go to.
     goal: Option<u64>,
-    /// Steps to take although it is paused.
+    /// Single steps still to take while paused.
     steps: u32,
-    /// Seconds of the world per second; 0: as fast as it can.
+    /// The speed, simulated seconds per second of wall time; 0: as fast as possible.
     speed: f32,
     due: Option<Instant>,
 }
 
-/// When the next step is.
+/// When the next step is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Next {
-    /// It is due.
+    /// Now.
     Now,
-    /// Not before this tick is gone to.
+    /// Once the recording has gone to this tick.
     Goal(u64),
-    /// Not before.
+    /// At this time.
     At(Instant),
-    /// When somebody asks for it.
+    /// When a viewer asks for it.
     Asked,
 }
 
@@ -52,7 +52,7 @@ impl Control {
         (self.paused, self.steps, self.due) = (paused, 0, None);
     }
 
-    /// Takes so many steps, and then no more.
+    /// Pauses, and asks for `count` more steps.
     pub(super) fn step(&mut self, count: u32) {
         self.paused = true;
         self.steps = self.steps.saturating_add(count).min(MOST_STEPS);
@@ -69,14 +69,14 @@ impl Control {
         self.goal.take()
     }
 
-    /// Sets the speed; what is no speed is ignored.
+    /// Sets the speed. It must be 0, or from 0.001 to 1000; other values are ignored.
     pub(super) fn set_speed(&mut self, speed: f32) {
         if speed == 0.0 || (0.001..=1000.0).contains(&speed) {
             (self.speed, self.due) = (speed, None);
         }
     }
 
-    /// Says when the next step of `dt_s` seconds is, and takes note of it if that is now.
+    /// Returns when the next step, of `dt_s` seconds, is due. If that is now, the step counts as taken.
     pub(super) fn next(&mut self, now: Instant, dt_s: f32) -> Next {
         if let Some(tick) = self.take_goal() {
             return Next::Goal(tick);

@@ -12,7 +12,8 @@ use crate::http::{read_head, write_answer};
 pub(super) enum Request {
     /// A file of the page.
     File(String),
-    /// The stream: what its WebSocket's key is answered with, and bytes that came after the request.
+    /// The stream of pictures. `accept` is the answer to the WebSocket's key, `rest` are bytes that came
+    /// after the head of the request.
     Stream { accept: String, rest: Vec<u8> },
 }
 
@@ -22,7 +23,8 @@ pub(super) struct Refused(pub(super) &'static str, pub(super) &'static str);
 
 const MALFORMED: Refused = Refused("400 Bad Request", "this is no request of a browser");
 
-/// Reads the head of a request, and decides what it is for. `key` is the secret of the viewer, which the stream takes.
+/// Reads the head of a request, and decides what it is for. `key` is the viewer's secret, without which the
+/// stream is refused.
 pub(super) fn read(from: &mut impl Read, key: &str) -> io::Result<Result<Request, Refused>> {
     let judged = read_head(from, |request, rest| judge(request, rest, key))?;
     Ok(judged.unwrap_or(Err(MALFORMED)))
@@ -37,7 +39,8 @@ fn judge(request: &httparse::Request<'_, '_>, rest: &[u8], key: &str) -> Result<
         return Err(MALFORMED);
     };
     if !is_ours(host) {
-        // A name of another's may be made to lead here, and its page would then be of the same origin.
+        // DNS rebinding: another site may let its own name resolve to this address, and its page would then
+        // be of the same origin.
         return Err(Refused("421 Misdirected Request", "open the viewer by the address that it printed"));
     }
     let (file, query) = path.split_once('?').unwrap_or((path, ""));
@@ -66,9 +69,10 @@ fn judge(request: &httparse::Request<'_, '_>, rest: &[u8], key: &str) -> Result<
     }
 }
 
-/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`, whatever the port and wherever
-/// it listens: a tunnel has a port of its own, and browsers take `localhost` for nothing but their own machine. Names of others may stand for
-/// this address by now.
+/// Returns whether a request with this `Host` is meant for this viewer: the host is an IP address or
+/// `localhost`. The port and the address where the viewer listens do not matter: a tunnel has a port of its
+/// own, and browsers resolve `localhost` only to their own machine. Any other name is refused, as it may by
+/// now resolve to this address.
 fn is_ours(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => name,
@@ -78,14 +82,15 @@ fn is_ours(host: &str) -> bool {
     name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok()
 }
 
-/// Answers the key of a WebSocket's handshake (RFC 6455, 4.2.2).
+/// Returns the answer to the key of a WebSocket handshake (RFC 6455, 4.2.2).
 fn accept(nonce: &str) -> String {
     const MAGIC: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
     let hash = digest(&SHA1_FOR_LEGACY_USE_ONLY, format!("{nonce}{MAGIC}").as_bytes());
     data_encoding::BASE64.encode(hash.as_ref())
 }
 
-/// Writes a file of the page. It may load nothing from elsewhere, nor be framed.
+/// Writes a file of the page, with headers by which it may neither load anything from elsewhere nor be
+/// framed.
 pub(super) fn write_file(to: &mut impl Write, kind: &str, content: &[u8]) -> io::Result<()> {
     const HEADERS: &str = "Cache-Control: no-store\r\n\
          Content-Security-Policy: default-src 'self'; img-src data:; frame-ancestors 'none'\r\n\

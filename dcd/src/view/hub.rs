@@ -1,4 +1,5 @@
-//! Keeps what viewers are sent, between the thread that steps the world, the one that encodes, and one for each viewer.
+//! Holds the data for viewers that several threads share: the one that steps the world, the one that encodes,
+//! and one for each viewer.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write;
@@ -17,11 +18,11 @@ use crate::space::{BodyId, RegionId};
 
 /// The most viewers at a time.
 pub(super) const MOST_VIEWERS: usize = 8;
-/// The most bytes of pictures that are kept to go back to.
+/// The most bytes of past pictures that are kept.
 const KEPT_BYTES: usize = 192 << 20;
 /// The most samples that are kept.
 const KEPT_SAMPLES: usize = 4096;
-/// The most changes of owner that are kept of one body, and the most bodies.
+/// The most transfers that are kept per body, and the most bodies for which any are kept.
 const KEPT_OWNERS: usize = 12;
 const KEPT_HISTORIES: usize = 1 << 16;
 
@@ -29,9 +30,9 @@ const KEPT_HISTORIES: usize = 1 << 16;
 pub(super) struct Hub {
     pub(super) key: String,
     inner: Mutex<Inner>,
-    /// Told when there is something new for viewers.
+    /// Notified when there is something new for viewers.
     news: Condvar,
-    /// Told when viewers want something of the world.
+    /// Notified when viewers want something of the world.
     wish: Condvar,
     /// Whether pages may pause the world and step it.
     has_controls: AtomicBool,
@@ -40,12 +41,12 @@ pub(super) struct Hub {
     closed: AtomicBool,
 }
 
-/// What the thread that steps a world is to do.
+/// The next task of the thread that steps a world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Due {
-    /// The next step.
+    /// Take the next step.
     Step,
-    /// To go to this tick of a recording.
+    /// Go to this tick of a recording.
     Goal(u64),
 }
 
@@ -53,24 +54,25 @@ pub(crate) enum Due {
 struct Inner {
     fixed: Option<Hello>,
     control: Control,
-    /// Where a recording is on its way to a tick, and that tick.
+    /// The current tick and the goal of a recording that is on its way to a tick.
     going: Option<[u64; 2]>,
     ever_viewed: bool,
-    /// By viewer: what it wishes.
+    /// What each viewer wishes.
     wishes: BTreeMap<u64, Wishes>,
     frames: VecDeque<Frame>,
     frame_bytes: usize,
-    /// Encoded bodies by slot, fixed ones apart, each with the version of the roster in which it changed.
+    /// Encoded bodies by whether they are fixed and by slot, each with the version of the roster in which it
+    /// changed last.
     bodies: BTreeMap<(bool, u32), (u64, Bytes)>,
     roster: u64,
     meshes: Vec<Bytes>,
     joints: (u64, Bytes),
     samples: VecDeque<Sample>,
-    /// Samples that are no longer kept.
+    /// The number of samples that are no longer kept.
     samples_gone: u64,
     owners: BTreeMap<BodyId, VecDeque<(u64, RegionId, RegionId)>>,
     details: BTreeMap<BodyId, Details>,
-    /// Memory of the moment before the last.
+    /// The last encoded moment, whose memory the next look uses again.
     memory: Option<Moment>,
 }
 
@@ -88,13 +90,14 @@ pub(super) struct Progress {
     meshes: usize,
     joints: u64,
     samples: u64,
-    /// The number of the picture that it shows.
+    /// The number of the picture that it was sent last.
     frame: u64,
     details: Option<Details>,
 }
 
 impl Progress {
-    /// Forgets what it was told of the body that it had chosen: a page that chooses, be it the same one, knows nothing of it.
+    /// Forgets the details that were sent of the chosen body: a page that chooses a body, even the same one
+    /// again, has dropped them.
     pub(super) fn forget_chosen(&mut self) {
         self.details = None;
     }
@@ -105,7 +108,7 @@ impl Progress {
 pub(super) enum Want {
     /// A newer picture than it has.
     Newest,
-    /// The picture of a tick that is past, or the nearest before.
+    /// The picture of a past tick, or the nearest before it, or else the oldest.
     Past(u64),
 }
 
@@ -127,12 +130,12 @@ impl Hub {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns whether anybody looks on.
+    /// Returns whether there is a viewer.
     pub(super) fn is_viewed(&self) -> bool {
         self.viewers.load(Ordering::Relaxed) > 0
     }
 
-    /// Returns whether somebody waits for a picture.
+    /// Returns whether a viewer waits for a picture.
     pub(super) fn is_wanted(&self) -> bool {
         self.wanted.load(Ordering::Relaxed)
     }
@@ -147,7 +150,7 @@ impl Hub {
         self.closed.load(Ordering::SeqCst)
     }
 
-    /// Adds a viewer, if there are not too many.
+    /// Adds a viewer; returns `false` if there are [`MOST_VIEWERS`] already.
     pub(super) fn enter(&self, viewer: u64) -> bool {
         let mut inner = self.lock();
         if inner.wishes.len() >= MOST_VIEWERS {
@@ -160,7 +163,7 @@ impl Hub {
         true
     }
 
-    /// Removes a viewer. When the last one goes, nothing is kept.
+    /// Removes a viewer. With the last one, all pictures are dropped.
     pub(super) fn leave(&self, viewer: u64) {
         let mut inner = self.lock();
         inner.wishes.remove(&viewer);
@@ -182,7 +185,8 @@ impl Hub {
         self.has_controls.load(Ordering::Relaxed)
     }
 
-    /// Changes the control as a page asks, if pages may: what others step goes on, whatever they ask.
+    /// Changes the controls as a page asks, if pages have controls: a world that others step goes on whatever
+    /// pages ask.
     pub(super) fn control_by_page(&self, change: impl FnOnce(&mut Control)) {
         if self.has_controls() {
             self.control(change);
@@ -194,7 +198,7 @@ impl Hub {
         self.wish.notify_all();
     }
 
-    /// Goes to a tick of a recording.
+    /// Asks a recording to go to a tick, clamped to those on record. Other worlds ignore it.
     pub(super) fn go(&self, tick: u64) {
         let mut inner = self.lock();
         if let Some([first, last]) = inner.fixed.as_ref().and_then(|fixed| fixed.recorded) {
@@ -208,12 +212,12 @@ impl Hub {
         self.lock().control.take_goal()
     }
 
-    /// Says that a recording is on its way to a tick.
+    /// Sets the current tick and the goal of a recording that is on its way to a tick; `None` if it is not.
     pub(super) fn set_going(&self, going: Option<[u64; 2]>) {
         self.lock().going = going;
     }
 
-    /// Sets what a viewer wishes besides pictures.
+    /// Changes what a viewer wishes besides pictures.
     pub(super) fn wish(&self, viewer: u64, change: impl FnOnce(&mut Wishes)) {
         let mut inner = self.lock();
         if let Some(wishes) = inner.wishes.get_mut(&viewer) {
@@ -222,7 +226,7 @@ impl Hub {
         self.wish.notify_all();
     }
 
-    /// Returns what all viewers wish.
+    /// Returns the wishes of all viewers together.
     pub(super) fn wishes(&self) -> Wishes {
         let inner = self.lock();
         let mut all = Wishes::default();
@@ -233,7 +237,8 @@ impl Hub {
         all
     }
 
-    /// Waits until there is something to do, or until a look at the world may be wished for; returns what is to be done.
+    /// Returns what is due now. If nothing is, waits until a step may be due or a viewer wishes for
+    /// something, for `longest` at most, and returns `None`.
     pub(super) fn wait_for_step(&self, dt_s: f32, longest: Duration) -> Option<Due> {
         let mut inner = self.lock();
         let until = match inner.ever_viewed.then(|| inner.control.next(Instant::now(), dt_s)) {
@@ -260,7 +265,7 @@ impl Hub {
         self.lock().memory.take().unwrap_or_default()
     }
 
-    /// Notes a tick.
+    /// Notes the numbers and the transfers of a tick.
     pub(super) fn note(&self, sample: Sample, handovers: &[Handover]) {
         let mut inner = self.lock();
         inner.samples.push_back(sample);
@@ -290,7 +295,8 @@ impl Hub {
         inner.roster += u64::from(!(came.is_empty() && moment.departures.is_empty() && joints.is_none()));
         let version = inner.roster;
         for &(slot, is_fixed) in &moment.departures {
-            // What was in it is still drawn in pictures of the past, until something else is.
+            // A movable body stays known until its slot is given to another: pictures of the past still show
+            // it.
             if is_fixed {
                 let bytes = Bytes::from(wire::gone(slot, true));
                 inner.bodies.insert((true, slot), (version, bytes));
@@ -324,7 +330,8 @@ impl Hub {
         self.news.notify_all();
     }
 
-    /// Returns what a viewer is sent now: waits for at most `longest` for a newer picture than it has.
+    /// Returns the messages that a viewer is sent now. If it wants a newer picture than it has and there is
+    /// none, waits for one for at most `longest`.
     pub(super) fn answer(&self, viewer: u64, to: &mut Progress, want: Want, longest: Duration) -> Vec<Bytes> {
         let mut inner = self.lock();
         if want == Want::Newest && inner.frames.back().is_none_or(|frame| frame.number <= to.frame) {
@@ -395,7 +402,7 @@ impl Inner {
         }
     }
 
-    /// Returns what is known of the body that a viewer has chosen, as JSON, if it is news.
+    /// Returns the details of the body that a viewer has chosen, as JSON; `None` if it has them already.
     fn told_of_chosen(&self, viewer: u64, to: &mut Progress) -> Option<String> {
         let chosen = *self.wishes.get(&viewer)?.chosen.first()?;
         let details = self.details.get(&chosen)?;

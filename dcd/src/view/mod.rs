@@ -1,8 +1,10 @@
-//! Shows a world in the browser: a page that is part of the program, served to this machine, and a stream of pictures.
+//! Shows a world in the browser: serves a page, which is part of the program, to this machine, and a stream
+//! of pictures.
 //!
-//! Whoever steps the world calls [`Viewer`] between two steps. It copies what is seen only if somebody waits for a picture, and hands it
-//! to a thread that encodes it once for all; each viewer has a thread of its own, and is sent the newest picture whenever it asks for
-//! one. So a slow browser sees fewer pictures and holds up nobody.
+//! The thread that steps the world calls [`Viewer`] between two steps. It copies what is seen only if
+//! somebody waits for a picture, and hands it to a thread that encodes it once for all viewers. Each viewer
+//! has a thread of its own, and is sent the newest picture when it asks for one. A slow browser thus sees
+//! fewer pictures and holds up nobody.
 
 mod control;
 mod http;
@@ -36,14 +38,15 @@ use wire::Hello;
 
 /// The shortest time between two pictures.
 const PERIOD: Duration = Duration::from_millis(30);
-/// Between two looks at the world pass so many times the time that a look takes: viewers cost the thread that steps below two percent.
+/// The least time between two looks at the world, in multiples of the time that a look takes. Viewers thus
+/// cost the stepping thread less than two percent.
 const SPARING: u32 = 60;
-/// The most time between two looks for that reason: the system may have had the thread wait in the middle of one.
+/// The longest such time: a look may have taken long only because the system paused its thread.
 const MOST_SPARED: Duration = Duration::from_secs(1);
-/// How long the thread of a paused world waits before it looks whether the program is to end.
+/// The interval at which the thread of a paused world checks whether the program is to end.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The error that a viewer cannot be opened.
+/// The error of a viewer that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "cannot show the world at {address}: {cause}; choose an address of this machine and a free port, or port 0 for any"
@@ -53,7 +56,7 @@ pub struct ViewError {
     cause: io::Error,
 }
 
-/// A page in the browser that shows a world.
+/// A viewer: a page in the browser that shows a local world.
 ///
 /// ```no_run
 /// use dcd::prelude::*;
@@ -77,9 +80,9 @@ pub struct Viewer {
     recorded: Option<[u64; 2]>,
     looker: Looker,
     encoder: SyncSender<Moment>,
-    /// Not before then is the world looked at again.
+    /// The earliest time of the next look at the world.
     due: Option<Instant>,
-    /// How long the last looks took.
+    /// The durations of the last looks.
     costs: [Duration; 4],
     /// The tick and the wishes of the last look.
     last: Option<(u64, Wishes)>,
@@ -93,8 +96,8 @@ impl std::fmt::Debug for Viewer {
 }
 
 impl Viewer {
-    /// Opens a viewer at an address of this machine, port 0 for any free port. Its page shows nothing until the first
-    /// [`Viewer::show`].
+    /// Opens a viewer at an address of this machine; port 0 takes any free port. `name` is the name of the
+    /// world on the page, which shows nothing until the first [`Viewer::show`].
     pub fn open(address: SocketAddr, name: &str) -> Result<Self, ViewError> {
         let error = |cause| ViewError { address, cause };
         let mut key = [0; 16];
@@ -121,20 +124,20 @@ impl Viewer {
         })
     }
 
-    /// Returns the address of the page, with the key that its stream takes: whoever has it can look on.
+    /// Returns the address of the page, with the key that its stream asks for: whoever has it can look on.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/?key={}", self.server.address(), self.hub.key)
     }
 
-    /// Shows a local world as it is after a step; call it after each. It costs nothing while no page is open, and below two percent of
-    /// the time while one is.
+    /// Shows a local world as it is after a step; call it after each step. It costs nothing while no page is
+    /// open, and less than two percent of the time while one is. Other roles are an error.
     pub fn show(&mut self, world: &World) -> Result<(), Error> {
         self.show_local(world.local("be shown by a viewer", Instead::LookLocal)?);
         Ok(())
     }
 
-    /// Lets viewers pause the world and step it: [`Viewer::wait`] says when.
+    /// Lets viewers pause the world and step it. [`Viewer::wait`] then waits until the next step is due.
     #[doc(hidden)]
     #[must_use]
     pub fn with_controls(self) -> Self {
@@ -161,7 +164,8 @@ impl Viewer {
         self.look(world.host(), world.host().settings().dt_s);
     }
 
-    /// Shows the regions that a node computes, with their copies of others' bodies, after a tick with these numbers.
+    /// Shows the regions that a node computes, with their ghosts, after a tick. `stats` are the numbers of
+    /// that tick.
     #[doc(hidden)]
     pub fn show_node(&mut self, regions: &RegionHost, stats: &TickStats) {
         if !self.hub.is_viewed() {
@@ -197,20 +201,21 @@ impl Viewer {
         };
         self.bytes = bytes;
         self.hub.note(sample, handovers);
-        // It moves on between two ticks that it hears of.
+        // What is shown moves on between two ticks of which the client hears.
         self.last = None;
         self.look(&told, dt_s);
     }
 
-    /// Waits until the next step of a world is due that viewers may pause and step, and shows it meanwhile; not before the first
-    /// viewer has come. Returns whether it is due, and not the program that `ends`.
+    /// Waits until the next step of a world that viewers control is due, and shows the world meanwhile. No
+    /// step is due before the first viewer has come. Returns `true` if a step is due, `false` if `ends` has
+    /// returned `true`.
     #[doc(hidden)]
     pub fn wait(&mut self, world: &LocalWorld, mut ends: impl FnMut() -> bool) -> bool {
         self.wait_for(world.host(), world.host().settings().dt_s, &mut ends).is_some()
     }
 
-    /// Waits until there is something to do for a world that viewers may pause, step and, if it is a recording, have go to a tick, and
-    /// shows it meanwhile; `None`: the program is to end.
+    /// Waits until a world that viewers control has something to do, and shows it meanwhile. That is a step
+    /// or, for a recording, a tick to go to. Returns `None` if `ends` has returned `true`.
     pub(crate) fn wait_for(
         &mut self,
         world: &impl Source,
@@ -245,7 +250,7 @@ impl Viewer {
             self.hub.set_fixed(self.fixed(world, &moment, dt_s));
         }
         self.last = Some(look);
-        // The thread that encodes has ended only if this one panicked.
+        // Sending fails only if the thread that encodes has panicked.
         let _ = self.encoder.send(moment);
         let end = Instant::now();
         self.costs.rotate_left(1);
@@ -258,7 +263,7 @@ impl Viewer {
     fn fixed(&self, world: &impl Source, moment: &Moment, dt_s: f32) -> Hello {
         let bounds = world.bounds();
         let count = moment.rows.len().max(1) as f64;
-        // What the page computes with in f32 is near the bodies.
+        // The page computes in f32, so that its origin is near the bodies.
         let mean = |i: usize| (moment.rows.iter().map(|row| row.at[i]).sum::<f64>() / count).round();
         let origin = std::array::from_fn(|i| Some(mean(i)).filter(|v| v.is_finite()).unwrap_or(0.0));
         let bounds = [bounds.min, bounds.max];
@@ -270,12 +275,14 @@ impl Viewer {
 /// Recordings.
 #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only the command line replays"))]
 impl Viewer {
-    /// Lets viewers go to any tick of a recording that is replayed, too.
+    /// Lets viewers also go to any tick of the recording that is replayed. `ticks` are its first and its
+    /// last.
     pub(crate) fn with_recording(self, ticks: [u64; 2]) -> Self {
         Self { recorded: Some(ticks), ..self.with_controls() }
     }
 
-    /// Shows a replayed world after a tick; on its way to one that viewers have chosen only how far it is.
+    /// Shows a replayed world after a tick. On its way to `goal`, a tick that viewers have chosen, it shows
+    /// only how far it is.
     pub(crate) fn show_replayed(&mut self, world: &Hosts<'_>, goal: Option<u64>) {
         let going = goal.map(|goal| [world.tick(), goal]);
         self.hub.set_going(going);

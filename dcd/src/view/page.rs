@@ -17,7 +17,7 @@ files! {
     "/timeline.js": "text/javascript; charset=utf-8", "timeline.js";
 }
 
-/// Returns a file and its kind.
+/// Returns the MIME type and the content of the file at this path.
 pub(super) fn file(path: &str) -> Option<(&'static str, &'static [u8])> {
     let &(_, kind, content) = FILES.iter().find(|(name, ..)| *name == path)?;
     Some((kind, content))

@@ -3,9 +3,9 @@
 /// Numbers of one tick, for the timeline.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sample {
-    /// Which tick.
+    /// The tick.
     pub(super) tick: u64,
-    /// Wall time of the step, milliseconds; 0 where others compute it.
+    /// Wall time of the step, milliseconds; 0 where other processes compute it.
     pub(super) step_ms: f32,
     /// Bodies that changed owner.
     pub(super) transfers: u32,

@@ -17,16 +17,17 @@ use crate::space::BodyId;
 
 /// The most connections at a time; browsers open some for the files of the page.
 const MOST_CONNECTIONS: usize = 64;
-/// How long a request may take to come, and its answer to be taken.
+/// The most time for a request to arrive, and for the browser to take its answer.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long a browser may take nothing of what it is sent, or ask for nothing, before it is asked whether it is there; and then to answer.
+/// The most time for which a browser may take nothing of what it is sent. A browser that asks for nothing is
+/// sent a ping after this time, and then has as long again to answer.
 const STREAM_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long an answer waits for a newer picture.
 const NEWS: Duration = Duration::from_millis(40);
 /// The longest message of a page.
 const MOST_MESSAGE: usize = 64;
 
-/// The threads that serve; dropping it ends them.
+/// A handle to the threads that serve. They end when it is dropped.
 pub(super) struct Server {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -36,11 +37,11 @@ struct Shared {
     hub: Arc<Hub>,
     timeouts: Timeouts,
     open: AtomicUsize,
-    /// The streams, to be ended when the server is.
+    /// The open streams by the numbers of their connections, to be shut down with the server.
     streams: Mutex<Vec<(u64, TcpStream)>>,
 }
 
-/// How long is waited for browsers.
+/// The timeouts of a connection: of its request, and of a stream.
 struct Timeouts {
     request: Duration,
     stream: Duration,
@@ -87,7 +88,7 @@ impl Shared {
                 return;
             }
             let Ok(stream) = stream else {
-                // Out of descriptors, perhaps: they come back as others close theirs.
+                // Perhaps the process is out of descriptors: some come back as other connections close.
                 std::thread::sleep(Duration::from_millis(50));
                 continue;
             };
@@ -145,7 +146,7 @@ impl Shared {
                 progress.forget_chosen();
             }
             let Some(want) = obey(&self.hub, number, request) else { continue };
-            // In frames: what comes in one must fit together.
+            // Each message is a WebSocket message of its own; all messages of an answer are flushed together.
             for bytes in self.hub.answer(number, &mut progress, want, NEWS) {
                 if socket.write(Message::Binary(bytes)).is_err() {
                     return Ok(());
@@ -158,8 +159,8 @@ impl Shared {
         Ok(())
     }
 
-    /// Waits for the next message of a page; `None` once it is gone. A page in a background tab draws nothing and so asks for nothing, but its
-    /// browser answers pings.
+    /// Waits for the next message of a page; `None` once the page is gone. A page in a background tab draws
+    /// nothing and so asks for nothing, but its browser answers pings.
     fn hear(&self, socket: &mut WebSocket<TcpStream>) -> Option<Bytes> {
         let mut is_asked = false;
         while !self.hub.is_closed() {
@@ -177,7 +178,7 @@ impl Shared {
     }
 }
 
-/// Returns the settings of a stream: a page's messages are short.
+/// Returns the settings of a stream: the messages of a page are short.
 fn websocket() -> WebSocketConfig {
     WebSocketConfig::default()
         .max_message_size(Some(MOST_MESSAGE))
@@ -185,7 +186,7 @@ fn websocket() -> WebSocketConfig {
         .read_buffer_size(4 << 10)
 }
 
-/// Does what a page asks; returns what it wants to see, if it waits for an answer.
+/// Carries out what a page asks. Returns what the page wants to see, if it waits for an answer.
 fn obey(hub: &Hub, viewer: u64, asked: Asked) -> Option<Want> {
     match asked {
         Asked::See(want) => return Some(want),
@@ -199,11 +200,12 @@ fn obey(hub: &Hub, viewer: u64, asked: Asked) -> Option<Want> {
     None
 }
 
-/// Reads bytes as all that a browser sends over one connection, to a viewer whose key is `key`: the head of a request, and behind that of
-/// a stream its messages. Returns how many of those were obeyed. For tests: whoever finds the port may send any.
+/// Reads `bytes` as all that a browser sends over one connection to a viewer whose key is `key`: the head of
+/// a request and, after that of a stream, its messages. Returns how many messages were obeyed. For tests, as
+/// anybody who finds the port may send any bytes.
 #[doc(hidden)]
 pub fn read_browser(bytes: &[u8]) -> usize {
-    /// What a browser says; answers go nowhere.
+    /// The bytes that a browser sends; answers are dropped.
     struct Said<'a>(&'a [u8]);
 
     impl Read for Said<'_> {
@@ -248,12 +250,12 @@ pub fn read_browser(bytes: &[u8]) -> usize {
     obeyed
 }
 
-/// Returns whether nothing came in time: systems have two names for that.
+/// Returns whether a read timed out, for which systems have two names.
 fn is_late(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
 
-/// What a page asks for.
+/// A request of a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Asked {
     See(Want),
@@ -261,14 +263,14 @@ enum Asked {
     Step(u32),
     Speed(f32),
     Contacts(bool),
-    /// Tells more of a body.
+    /// Sends the details of a body, or of none.
     Choose(Option<BodyId>),
     /// Goes to a tick of a recording.
     Go(u64),
 }
 
 impl Asked {
-    /// Reads a message of a page: a byte that says what it is, and a number of eight bytes.
+    /// Parses a message of a page: a byte for its kind, and a number of eight bytes.
     fn parse(message: &[u8]) -> Option<Self> {
         let (&kind, number) = message.split_first()?;
         let number = <[u8; 8]>::try_from(number).ok()?;
@@ -308,7 +310,8 @@ mod tests {
         stream
     }
 
-    /// Opens a stream as a page does that was reached by this name; returns the status if that is refused.
+    /// Opens a stream as a page that was reached by this host name does; returns the status if the stream is
+    /// refused.
     fn open(server: &Server, host: &str) -> Result<WebSocket<TcpStream>, String> {
         let mut stream = connect(server);
         write!(
@@ -333,7 +336,7 @@ mod tests {
         // Long enough for an answer, on a busy machine, too.
         let patient = started(Duration::from_secs(1));
         let mut hidden = open(&patient, "127.0.0.1:0").unwrap();
-        // To read is to answer pings, as a browser does.
+        // Reading answers pings, as a browser does.
         for _ in 0..2 {
             assert_eq!(hidden.read().unwrap(), Message::Ping(Bytes::new()));
         }
@@ -358,7 +361,8 @@ mod tests {
         let server = server("127.0.0.1:0", Timeouts { request, stream: STREAM_TIMEOUT });
         let mut slow = connect(&server);
         let start = Instant::now();
-        // Each byte comes well in time; the reads in between wait a while for an answer, and tell when the stream ends.
+        // Each byte comes well in time. The reads in between wait a while for an answer, and tell when the
+        // stream ends.
         slow.set_read_timeout(Some(request / 10)).unwrap();
         let ends = |slow: &mut TcpStream| match slow.read(&mut [0]) {
             Ok(_) => true,

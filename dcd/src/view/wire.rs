@@ -1,11 +1,13 @@
-//! Encodes what is sent to the page: little-endian, every list aligned to its numbers, so that the page reads them in place.
+//! Encodes the messages to the page: little-endian, with each list aligned to the size of its numbers, so
+//! that the page reads it in place.
 //!
-//! Each message begins with a byte that says what it is. `page/wire.js` reads them.
+//! Each message begins with a byte for its kind. `page/wire.js` decodes them.
 
 use super::sample::Sample;
 use crate::drawing::{Arrival, JointSeen, Mesh, Moment, Part, Seen};
 
-/// The version of the messages: page and program are of one build, so that only programs that speak to another's viewer need it.
+/// The version of the messages. Only programs that read another program's viewer need it: the page and its
+/// program are of one build.
 pub(super) const VERSION: u8 = 2;
 
 const HELLO: u8 = 1;
@@ -54,15 +56,15 @@ impl Writer {
     }
 }
 
-/// What a viewer is told first: what does not change as long as a world is viewed.
+/// The first message to a viewer: what does not change while a world is viewed.
 pub(super) struct Hello {
     pub(super) name: String,
     /// Whether the page may pause the world and step it.
     pub(super) controls: bool,
-    /// The first and the last tick of a recording: the page may go to any.
+    /// The first and the last tick of a recording. The page may go to any tick between them.
     pub(super) recorded: Option<[u64; 2]>,
     pub(super) dt_s: f32,
-    /// Where the world's origin is in the page's space.
+    /// The origin of the page's space, in world space.
     pub(super) origin: [f64; 3],
     pub(super) bounds: [[f64; 3]; 2],
 }
@@ -88,7 +90,7 @@ pub(super) fn mesh(number: u16, mesh: &Mesh) -> Vec<u8> {
     to.0
 }
 
-/// A body that came, or moved if it is fixed.
+/// Encodes a body that came or, if it is fixed, moved.
 pub(super) fn body(arrival: &Arrival, origin: [f64; 3]) -> Vec<u8> {
     let mut to = Writer::new(BODY, [arrival.kind, u8::from(arrival.own), u8::from(arrival.fixed.is_some())]);
     to.u32(arrival.slot | if arrival.fixed.is_some() { FIXED } else { 0 });
@@ -102,7 +104,7 @@ pub(super) fn body(arrival: &Arrival, origin: [f64; 3]) -> Vec<u8> {
     to.0
 }
 
-/// A slot that is empty now.
+/// Encodes a slot that is empty now.
 pub(super) fn gone(slot: u32, is_fixed: bool) -> Vec<u8> {
     let mut to = Writer::new(BODY, [0, 0, u8::from(is_fixed)]);
     to.u32(slot | if is_fixed { FIXED } else { 0 });
@@ -130,7 +132,7 @@ pub(super) fn joints(joints: &[JointSeen]) -> Vec<u8> {
     to.0
 }
 
-/// The state of everything that moves, as one message, of how it is at a tick.
+/// Encodes the state of everything that moves, as it is at a tick.
 pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
     let count = moment.slot_count as usize;
     let mut to = Writer(Vec::with_capacity(48 + 64 * moment.regions.len() + 24 * count));
@@ -141,7 +143,7 @@ pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
         [moment.regions.len(), moment.borders.len(), count, moment.ghosts.len(), moment.contacts.len()];
     lists.iter().for_each(|&length| to.u32(length as u32));
     to.u32(0);
-    // Bodies by owner, and those that are awake.
+    // By owner: the number of bodies, and the number of those that are awake.
     let mut owned = vec![[0u32; 2]; moment.regions.len()];
     for seen in &moment.rows {
         if let Some(counts) = owned.get_mut(usize::from(seen.owner)) {
@@ -164,7 +166,7 @@ pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
         to.u32(border.exchanges as u32);
         to.f32(border.disagreement_m_s);
     }
-    // By slot: positions, rotations, then four bytes each.
+    // By slot: all positions, then all rotations, then four bytes for each slot.
     let lists = to.0.len();
     to.0.resize(lists + 24 * count, 0);
     let (places, rest) = to.0[lists..].split_at_mut(12 * count);
@@ -214,14 +216,14 @@ pub(super) fn samples<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<u8> 
     to.0
 }
 
-/// What ends every answer.
+/// The state of the viewer, which ends every answer; only the details of a chosen body come after it.
 pub(super) struct State {
     pub(super) paused: bool,
     pub(super) speed: f32,
     /// The first and the last tick that can be shown.
     pub(super) kept: [u64; 2],
     pub(super) viewers: usize,
-    /// Where a recording is on its way to a tick, and that tick.
+    /// The current tick and the goal of a recording that is on its way to a tick.
     pub(super) going: Option<[u64; 2]>,
 }
 
@@ -242,7 +244,7 @@ fn relative(at: [f64; 3], origin: [f64; 3]) -> [f32; 3] {
     std::array::from_fn(|i| (at[i] - origin[i]) as f32)
 }
 
-/// Returns a number in eighths, as a byte.
+/// Returns a number in eighths, as a byte; larger numbers as 255.
 fn eighths(value: f32) -> u8 {
     (value * 8.0).min(255.0) as u8
 }

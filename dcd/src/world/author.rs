@@ -1,4 +1,5 @@
-//! Collects what the program of a server, or a client that may build, does to the world between two steps, and reads the world with it.
+//! Collects the changes that a server's program or a builder makes to the world between two steps, and reads
+//! the world as it will be after them.
 
 mod altered;
 mod shapes;
@@ -26,13 +27,14 @@ use crate::protocol::{
 use crate::runtime::{WorldError, check_speed};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
-/// The world as its author knows it.
+/// The world as an author knows it: the server's record, or what a client has heard.
 pub(super) trait Known {
-    /// Returns whether a body is known, be it on its way out.
+    /// Returns whether a body is known, even if it is about to be removed.
     fn knows(&self, id: BodyId) -> bool;
-    /// Returns a body that is there.
+    /// Returns a body that is in the world.
     fn body(&self, id: BodyId) -> Option<BodyRecord>;
-    /// Looks at the bodies that are there, in id order. Who computes the world may have to wait meanwhile.
+    /// Visits the bodies that are in the world, in id order. The threads that serve the world may have to
+    /// wait meanwhile.
     fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord));
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
     /// Returns whether the world is known to have a shape.
@@ -41,16 +43,17 @@ pub(super) trait Known {
     fn joints(&self) -> Vec<JointRecord>;
     fn joints_of(&self, body: BodyId) -> Vec<JointRecord>;
     fn tree(&self) -> DistributionTree;
-    /// Returns how many of the sends of its author, from the first on, were done, as far as they may.
+    /// Returns how many of the author's sends, counted from the first, the server has answered, by doing or
+    /// refusing them.
     fn answered(&self) -> u64;
 }
 
-/// Who names what an author makes.
+/// Who numbers the bodies and joints that an author makes.
 #[derive(Clone, Copy)]
 pub(super) enum Names {
-    /// The program of the world.
+    /// The server's program, which numbers what is the world's own.
     Program,
-    /// A client, whose names are its own.
+    /// A builder, which has ids of its own.
     Builder(ClientId),
 }
 
@@ -77,26 +80,27 @@ impl Names {
     }
 }
 
-/// What was done since the last step, and what is not on record yet.
+/// The changes since the last step, and those of earlier steps that are not on record yet.
 pub(super) struct Author {
     names: Names,
     shapes: ShapeLibrary,
     speed_limit_m_s: f32,
-    /// Shapes of which each is known to fit into a message.
+    /// Shapes that are known to fit into a message.
     fitting: BTreeSet<ShapeHash>,
-    /// How often something was.
+    /// The number of sends so far: steps that sent any change.
     sends: u64,
     next_body: u32,
     next_joint: u64,
-    /// New bodies and joints of this step.
+    /// Bodies and joints that were inserted since the last step.
     bodies: BTreeMap<BodyId, BodyRecord>,
     joints: Joints,
-    /// Changes of this step, and of earlier ones that are not answered yet: what is changed next builds on them.
+    /// Changes since the last step, and of earlier steps that are not answered yet: the next change builds on
+    /// them.
     altered_bodies: BTreeMap<BodyId, Altered>,
-    /// Likewise, and with which send each was sent.
+    /// The same for joints, with the number of the send; `None` if not sent yet.
     altered_joints: BTreeMap<JointId, (JointRecord, Option<u64>)>,
     moves: BTreeMap<BodyId, Move>,
-    /// By body, each with its place among all.
+    /// Pushes by body, each with its place in the order of all pushes.
     pushes: BTreeMap<BodyId, Vec<(usize, Push)>>,
     pushed: usize,
     removed_joints: Vec<JointId>,
@@ -104,7 +108,8 @@ pub(super) struct Author {
     /// Bodies and joints of earlier steps that are not on record yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
     awaited_joints: Joints,
-    /// Bodies and joints that were removed, and with which send: they are on record still, or may yet come onto it.
+    /// Bodies and joints that were removed, with the number of the send. They are still on record, or may yet
+    /// come to be.
     leaving: BTreeMap<BodyId, u64>,
     leaving_joints: BTreeMap<JointId, u64>,
 }
@@ -135,7 +140,8 @@ impl Author {
         }
     }
 
-    /// Forgets what was done since the last step, and what is not confirmed: the world is another. These are the next ids.
+    /// Forgets all changes that were not sent or not confirmed, since the world was replaced by another.
+    /// Takes the next ids of that world.
     pub(super) fn begin_anew(&mut self, (next_body, next_joint): (u32, u64)) {
         self.next_body = self.next_body.max(next_body);
         self.next_joint = self.next_joint.max(next_joint);
@@ -153,7 +159,7 @@ impl Author {
         self.leaving_joints.clear();
     }
 
-    /// Forgets what was refused: of a body, or of joints.
+    /// Forgets what the server refused: changes of a body, or of joints if `id` is `None`.
     pub(super) fn refused(&mut self, id: Option<BodyId>) {
         match id {
             Some(id) => {
@@ -170,12 +176,12 @@ impl Author {
         }
     }
 
-    /// Returns whether a body was removed and is there still.
+    /// Returns whether a body was removed here and may still be in the world.
     pub(super) fn is_leaving(&self, id: BodyId) -> bool {
         self.leaving.contains_key(&id)
     }
 
-    /// Returns whether anything was done since the last step.
+    /// Returns whether anything was changed since the last step.
     pub(super) fn has_news(&self) -> bool {
         let (bodies, joints) = (self.altered_bodies.values(), self.altered_joints.values());
         let mut altered = bodies.map(|altered| altered.sent).chain(joints.map(|(_, sent)| *sent));
@@ -185,7 +191,7 @@ impl Author {
         made || removed || moved || altered.any(|sent| sent.is_none())
     }
 
-    /// Returns what was done since the last step.
+    /// Returns the changes since the last step, to be sent, and counts them as sent.
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
         let answered = world.answered();
         self.awaited.retain(|id, _| !world.knows(*id));
@@ -202,9 +208,9 @@ impl Author {
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
             let new = |(hash, _): &(ShapeHash, _)| match self.names {
-                // The server takes those that it has not from the program's.
+                // The server takes the shapes that it lacks from the program's library.
                 Names::Program => false,
-                // Who brought it may have been refused.
+                // The insertion that brought the shape may have been refused.
                 Names::Builder(_) => !world.has_shape(*hash),
             };
             let shapes = self.shapes.records_of(bodies.values()).into_iter().filter(new);
@@ -273,7 +279,8 @@ impl Author {
         Ok(id)
     }
 
-    /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their names are given again.
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been there.
+    /// Their ids are given again.
     pub(super) fn take_back(&mut self, bodies: &[BodyId]) {
         let Some(&first) = bodies.first() else { return };
         self.bodies.retain(|id, _| *id < first);
@@ -305,7 +312,7 @@ impl Author {
         let mut body = self.movable(world, id, "move fixed bodies")?;
         body.state.velocity = velocity;
         check_speed(&body, self.speed_limit_m_s)?;
-        // Moves are sent before pushes: of the impulses up to now nothing is left.
+        // Moves are sent before pushes, and a velocity that is set undoes the impulses before it.
         if let Some(pushes) = self.pushes.get_mut(&id) {
             pushes.retain(|(_, push)| push.lasts);
         }
@@ -328,7 +335,8 @@ impl Author {
     pub(super) fn set_pose(&mut self, world: &dyn Known, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         pose.check().map_err(refused)?;
         let from = self.movable(world, id, "move fixed bodies")?.state.pose.translation;
-        // Moves are sent before pushes: those up to now go along, so that their arms stay as long.
+        // Moves are sent before pushes: the points of pushes up to now move along, so that their arms stay as
+        // long.
         let pushes = self.pushes.get_mut(&id).into_iter().flatten();
         for point in pushes.filter_map(|(_, push)| push.point.as_mut()) {
             *point = std::array::from_fn(|i| point[i] + pose.translation[i] - from[i]);
@@ -350,7 +358,7 @@ impl Author {
         Ok(())
     }
 
-    /// Lets the program change what a movable body is.
+    /// Lets the program change the traits of a movable body.
     pub(super) fn update(
         &mut self,
         world: &dyn Known,
@@ -429,7 +437,7 @@ impl Author {
         Ok(())
     }
 
-    /// Lets the program drive a joint.
+    /// Lets the program change a joint.
     pub(super) fn update_joint(
         &mut self,
         world: &dyn Known,
@@ -446,7 +454,8 @@ impl Author {
         Ok(())
     }
 
-    /// Ties bodies of this step to one another, or to fixed ones: what is computed already may be anywhere.
+    /// Ties bodies that were inserted since the last step to one another, or to fixed ones. A body that is
+    /// computed already may be in any region.
     pub(super) fn insert_joint(
         &mut self,
         world: &dyn Known,
@@ -470,7 +479,7 @@ impl Author {
         record.check().map_err(refused)?;
         self.next_joint += 1;
         self.joints.insert(record);
-        // As in a local world, a new joint wakes what it ties.
+        // As in a local world, a new joint wakes the bodies that it ties.
         for end in [a, b] {
             let Some(body) = self.bodies.get_mut(&end) else { continue };
             (body.state.sleeping, body.state.still_s) = (false, 0.0);
@@ -489,7 +498,7 @@ impl Author {
         Ok(())
     }
 
-    /// Returns a joint as it is on record, or as it was made, with what was done to it since.
+    /// Returns a joint as it is on record or was made, with the changes since.
     pub(super) fn joint(&self, world: &dyn Known, id: JointId) -> Option<JointRecord> {
         if let Some(joint) = self.joints.get(&id) {
             return Some(joint.clone());
@@ -498,7 +507,7 @@ impl Author {
         self.is_left(&joint).then(|| self.as_altered(joint))
     }
 
-    /// Returns the joints, in id order, as [`Author::joint`].
+    /// Returns all joints in id order, each as by [`Author::joint`].
     pub(super) fn joints(&self, world: &dyn Known) -> Vec<JointRecord> {
         let own = (self.awaited_joints.values(), self.joints.values());
         self.with_own(world.joints(), own.0, own.1)
@@ -509,7 +518,7 @@ impl Author {
         self.with_own(world.joints_of(body), self.awaited_joints.of(body), self.joints.of(body))
     }
 
-    /// Returns joints that are on record, those that are awaited there, and fresh ones.
+    /// Merges joints that are on record, those that are awaited there, and new ones.
     fn with_own<'a>(
         &self,
         told: Vec<JointRecord>,
@@ -525,7 +534,7 @@ impl Author {
         joints
     }
 
-    /// Returns whether neither a joint nor what it holds was removed.
+    /// Returns whether neither a joint nor one of its bodies was removed.
     fn is_left(&self, joint: &JointRecord) -> bool {
         let is_leaving = [joint.a, joint.b].iter().any(|id| self.leaving.contains_key(id));
         !is_leaving && !self.leaving_joints.contains_key(&joint.id)
@@ -535,7 +544,7 @@ impl Author {
         self.altered_joints.get(&joint.id).map_or(joint, |(altered, _)| altered.clone())
     }
 
-    /// Returns a body as the nodes last told, or as it was inserted, with what was done to it since.
+    /// Returns a body as it is on record or was inserted, with the changes since.
     pub(super) fn known(&self, world: &dyn Known, id: BodyId) -> Option<BodyRecord> {
         if self.leaving.contains_key(&id) {
             return None;
@@ -597,7 +606,8 @@ impl Author {
         count
     }
 
-    /// Looks at all bodies in id order, as [`Author::known`], and copies none: who computes the world waits for it.
+    /// Visits all bodies in id order, as [`Author::known`] returns them, without copies: whoever serves the
+    /// world waits meanwhile.
     fn for_each_known(&self, world: &dyn Known, mut look: impl FnMut(BodyId, &BodyTraits, u128, &BodyState)) {
         let mut look = |body: &BodyRecord| {
             if !self.is_leaving(body.id) {
@@ -608,7 +618,7 @@ impl Author {
                 look(body.id, traits, user_data, moved.as_ref().unwrap_or(&body.state));
             }
         };
-        // Of one that is told what is told counts, unless it is of this step.
+        // For a body on record the record counts, unless the body is of this step.
         let mut own: BTreeMap<_, _> = self.awaited.iter().collect();
         own.extend(&self.bodies);
         let mut own = own.into_iter().peekable();
@@ -648,7 +658,7 @@ impl Author {
     }
 }
 
-/// Says what cannot be told to others.
+/// Converts the fault of a value that cannot be sent to an error.
 pub(super) fn refused(Invalid { field, rule }: Invalid) -> Error {
     WorldError::Setting { what: field, value: "out of range".to_owned(), range: rule }.into()
 }

@@ -1,4 +1,5 @@
-//! Runs Rapier's character and vehicle controllers in local worlds, converts poses for PID controllers, and sets contact hooks.
+//! Runs Rapier's character and vehicle controllers in local worlds, converts poses for PID controllers, and
+//! sets contact hooks and the threads of the program.
 
 use std::sync::Arc;
 
@@ -15,9 +16,10 @@ const CONTROL: &str = "run controllers";
 
 /// Controllers and hooks of local worlds.
 impl World {
-    /// Returns how far a character gets that is to move by `desired_m` within one tick, by Rapier's character controller: it
-    /// slides along walls, climbs steps, keeps to the ground. `met` is called for each collider in its way. The character need be
-    /// no body of the world; if it is one, exclude it by the filter and move it by [`World::set_next_pose`].
+    /// Returns how far a character gets that is to move by `desired_m` within one tick, by Rapier's character
+    /// controller: it slides along walls, climbs steps and keeps to the ground. `met` is called for each
+    /// collider in its way. The character need not be a body of the world. If it is one, exclude it by the
+    /// filter and move it by [`World::set_next_pose`]. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -43,8 +45,8 @@ impl World {
         Ok(self.local(CONTROL, Instead::DriveAvatars)?.move_character(character, met)?)
     }
 
-    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that [`World::move_character`]
-    /// reported for the same movement.
+    /// Pushes the dynamic bodies that a character of mass `mass_kg` met on its way. `hits` are those that
+    /// [`World::move_character`] reported for the same movement. Local worlds only.
     pub fn push_by_character(
         &mut self,
         character: &CharacterMove<'_>,
@@ -54,8 +56,8 @@ impl World {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.push_by_character(character, mass_kg, hits)?)
     }
 
-    /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`World::step`]. The wheels stand on what the
-    /// filter lets through, and never on the chassis.
+    /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`World::step`]. The
+    /// wheels stand on the colliders that `filter` lets through, and never on the chassis. Local worlds only.
     pub fn update_vehicle(
         &mut self,
         vehicle: &mut VehicleController,
@@ -64,27 +66,35 @@ impl World {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.update_vehicle(vehicle, filter)?)
     }
 
-    /// Converts a pose of the world into the space of [`World::rigid_body`]: what Rapier's `PidController` needs as its target.
+    /// Converts a pose in world space into the space of [`World::rigid_body`], in which Rapier's
+    /// `PidController` needs its target. `None` if a local world has no such body, and in other roles.
     #[must_use]
     pub fn region_pose(&self, body: BodyId, pose: &WorldPose) -> Option<Pose> {
         self.alone()?.region_pose(body, pose)
     }
 
-    /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders with Rapier's
-    /// `ActiveHooks`, which travel with these; the hooks themselves do not: a served world has none, and a restored world has
-    /// them once they are set again.
+    /// Sets the contact hooks that are called from now on; `None` removes them. Local worlds only: a served
+    /// world has no hooks.
+    ///
+    /// Hooks are called for colliders with Rapier's `ActiveHooks`. These flags are a property of the collider
+    /// and go with it to other regions and into saves. The hooks themselves do not: set them again in a
+    /// restored world.
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) -> Result<(), Error> {
         self.local_mut("ask hooks about contacts", Instead::ComputeAlone)?.set_hooks(hooks);
         Ok(())
     }
 
-    /// Has the program's own threads compute a local world from now on, its job system: as many as [`WorldConfig::threads`](crate::WorldConfig),
-    /// which then starts none; `None`: threads of its own again. A step that is worth it starts as many tasks and waits a tenth of a
-    /// millisecond for them to begin: those that have share the work, one that comes later goes home, and with none the calling
-    /// thread does it alone, so that no step waits for a thread that is busy. The calling thread waits meanwhile. Results do not
-    /// depend on it.
+    /// Lets the program's own threads (its job system) compute a local world from now on, as many as
+    /// [`WorldConfig::threads`](crate::WorldConfig) says. The world then starts no threads of its own; `None`
+    /// makes it start them again. Results do not depend on it.
     ///
-    /// A call with many queries does the same, on each thread that asks. A thread of one of rayon's pools cannot take part.
+    /// A step with enough work starts as many tasks and waits a tenth of a millisecond for them to begin.
+    /// Those that have begun share the work; a task that begins later returns at once. If none has begun, the
+    /// calling thread does the work alone, so that no step waits for a busy thread. Otherwise the calling
+    /// thread waits meanwhile.
+    ///
+    /// A call with many queries does the same, on each thread that makes such a call. A thread of one of
+    /// rayon's pools cannot take part.
     pub fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), Error> {
         Ok(self.local_mut("compute on the program's threads", Instead::ComputeAlone)?.set_tasks(tasks)?)
     }

@@ -1,18 +1,19 @@
-//! Remembers what the user gave to bodies that are gone: whoever computes them tells of the end of their contacts some ticks later.
+//! Remembers the user data of removed bodies, since the end of their contacts is reported some ticks after
+//! the removal.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::space::BodyId;
 
-/// The most bodies of earlier steps.
+/// The most bodies of earlier steps that are remembered.
 const KEPT: usize = 4_096;
 
-/// User data of bodies that are gone.
+/// The user data of removed bodies.
 #[derive(Default)]
 pub(super) struct Departed {
-    /// With the number of its departure.
+    /// With the number of the body's departure.
     user_data: BTreeMap<BodyId, (u128, u64)>,
-    /// From the one that went first.
+    /// The departures, the first one first.
     order: VecDeque<(BodyId, u64)>,
     departures: u64,
 }
@@ -28,11 +29,12 @@ impl Departed {
         self.user_data.get(&id).map(|(user_data, _)| *user_data)
     }
 
-    /// Forgets those that went first, of more than enough: once a step, so that all that go in one are remembered until the next.
+    /// Forgets the oldest departures above [`KEPT`]. Called once per step, so that all bodies that go in one
+    /// step are remembered until the next.
     pub(super) fn trim(&mut self) {
         let excess = self.order.len().saturating_sub(KEPT);
         for (id, departure) in self.order.drain(..excess) {
-            // One that has come back and gone again is remembered for its last time.
+            // A body that has come back and gone again is remembered for its last departure.
             if self.user_data.get(&id).is_some_and(|(_, last)| *last == departure) {
                 self.user_data.remove(&id);
             }

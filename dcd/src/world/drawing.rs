@@ -1,4 +1,4 @@
-//! Draws a world of any role by a program's own renderer, or into a file.
+//! Draws a world of any role by the program's own renderer, or into a glTF file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,11 +15,13 @@ use crate::space::{BodyId, Bounds, Cell, DistributionTree, JointId, RegionId};
 
 /// Drawing.
 impl World {
-    /// Draws the world by calls of a renderer.
+    /// Draws the world by calling a renderer, `to`, with points, lines, boxes, shapes and text.
     ///
-    /// A local world draws everything. A client or participant draws what it is told: shapes, borders, velocities, avatars, labels;
-    /// a server, whose record is half a second old, joints too. The boxes around bodies, centres of mass, ghosts and contacts are known
-    /// only to who computes them, and left out elsewhere. A node shows nothing of its world and refuses.
+    /// A local world draws everything. A client or participant draws what it receives: shapes, borders,
+    /// velocities, avatars and labels. A server draws the same from its record, which is half a second old,
+    /// and joints. Only the process that computes a world knows the boxes around bodies, centres of mass,
+    /// ghosts and contacts; the others leave them out. A node shows nothing of its world and returns an
+    /// error.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -55,8 +57,9 @@ impl World {
         Ok(())
     }
 
-    /// Writes the world as it is after the last step to a binary glTF file (`.glb`), for papers, Blender and engines: bodies as nodes named
-    /// by their ids, with their shapes in the colour of the region that owns them. A node shows nothing of its world and refuses.
+    /// Writes the world as it is after the last step to a binary glTF file (`.glb`), for papers, Blender and
+    /// engines. Bodies are nodes named by their ids, with their shapes in the colour of the region that owns
+    /// them. A node shows nothing of its world and returns an error.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -77,11 +80,11 @@ impl World {
     }
 }
 
-/// A world at a time to show.
+/// A world as it is drawn at one time.
 struct Shown<'a> {
     world: &'a World,
     time: Option<ViewTime>,
-    /// What computes it, if that is this process alone.
+    /// The host of the world's regions, in a local world.
     host: Option<&'a RegionHost>,
     bounds: Bounds,
     regions: Vec<RegionSeen>,
@@ -193,7 +196,7 @@ mod tests {
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::space::Axis;
 
-    /// What was drawn.
+    /// The calls that a renderer received.
     #[derive(Debug, Default)]
     struct Drawn {
         points: Vec<([f64; 3], [u8; 4])>,
@@ -225,7 +228,7 @@ mod tests {
         }
     }
 
-    /// Two regions, left and right of x = 0, and a floor.
+    /// Makes a world of two regions, left and right of x = 0, with a floor.
     fn world() -> (World, BodyId) {
         let mut world = World::new(WorldConfig {
             partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]),
@@ -278,7 +281,7 @@ mod tests {
     #[test]
     fn boxes_hold_what_they_are_around_and_ghosts_are_drawn_by_who_holds_them() {
         let (mut world, _) = world();
-        // What comes to a world that runs is shared at once.
+        // A body that is inserted into a world that runs is shared at once.
         world.step().unwrap();
         let id = cube(&mut world, [-0.2, 0.5, 0.0]);
         world.set_velocity(id, crate::Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
@@ -293,7 +296,7 @@ mod tests {
         assert_eq!((tight.len(), swept.len()), (2, 2));
         let ghosts = of(&mut world, Flag::GHOSTS);
         assert!(world.owner(id).holders + world.owner(other).holders > 2, "something is shared");
-        // A copy of what the left region owns is held by the right one.
+        // The right region holds the ghost of a body that the left one owns.
         let holder = |bounds: &Bounds| if bounds.centre()[0] < 0.4 { tight[1].1 } else { tight[0].1 };
         assert!(
             !ghosts.is_empty() && ghosts.iter().all(|(bounds, colour)| *colour == holder(bounds)),
@@ -398,7 +401,8 @@ mod tests {
         assert_eq!(again[1].0, id);
     }
 
-    /// What drawing costs: said, where nothing else runs (`cargo test -p dcd --lib drawing -- --ignored --nocapture`).
+    /// Prints what drawing costs, where nothing else runs
+    /// (`cargo test -p dcd --lib drawing -- --ignored --nocapture`).
     #[test]
     #[ignore = "measures"]
     fn twenty_thousand_bodies_are_drawn_within_a_frame() {

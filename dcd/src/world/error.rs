@@ -1,4 +1,4 @@
-//! Defines the error of [`World`](super::World), for every role.
+//! Defines [`Error`], the error of the methods of [`World`](super::World) in every role.
 
 use std::fmt;
 
@@ -11,17 +11,18 @@ use crate::runtime::{ConnectionError, ProcessError};
 use crate::runtime::{SnapshotError, WorldError};
 use crate::scene::SceneError;
 
-/// The error of a world's methods. Each message names cause and remedy; `Debug` prints it too, as for a `main` that returns the error.
+/// The error of the methods of [`World`](super::World). Each message names cause and remedy. `Debug` prints
+/// the message too, so that a `main` which returns the error shows it.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A body, joint, setting or number is refused.
+    /// The world refuses a body, joint, setting or number.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A shape cannot be held, or cannot travel.
+    /// The world cannot hold a shape, or a shape cannot be sent to other processes.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// A question cannot be answered.
+    /// A spatial query cannot be answered.
     #[error(transparent)]
     Query(#[from] QueryError),
     /// A snapshot cannot be written or read.
@@ -36,18 +37,19 @@ pub enum Error {
     /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The role cannot do it.
+    /// The role of this process does not support the call.
     #[error(transparent)]
     Unsupported(#[from] Unsupported),
-    /// A process cannot join or serve a world, or go on.
+    /// This process cannot join or serve a world, or cannot go on.
     #[cfg(feature = "net")]
     #[error(transparent)]
     Process(#[from] ProcessError),
-    /// A connection cannot do what is asked of it.
+    /// A connection does not allow what was asked of it.
     #[cfg(feature = "net")]
     #[error(transparent)]
     Connection(#[from] ConnectionError),
-    /// The world goes on without this process, or has ended. Every later call that needs the link says so again.
+    /// The world goes on without this process, or has ended. Every later call that needs the link returns
+    /// this error again.
     #[cfg(feature = "net")]
     #[error("{0}")]
     Lost(String),

@@ -1,18 +1,21 @@
-//! Says where a world is looked at from, so that all else is computed less often, and what that saves and costs.
+//! Sets the viewpoints of a world, away from which it is computed less often, and reports what that saves and
+//! costs.
 
 use super::error::Error;
 use super::{Inner, World};
 use crate::fidelity::FidelityReport;
 use crate::space::Viewpoint;
 
-/// How much is computed in full.
+/// Viewpoints and fidelity.
 impl World {
-    /// Sets where a world is looked at from, for its [`Fidelity`](crate::Fidelity): regions farther than what is seen from there are
-    /// stepped less often. A local world without any viewpoint is looked at everywhere. Call it as often as viewers move.
+    /// Sets the viewpoints from which a world is looked at, for its [`Fidelity`](crate::Fidelity): regions
+    /// that no viewpoint sees are stepped less often. A local world without any viewpoint counts as looked at
+    /// everywhere. Call it whenever viewers move.
     ///
-    /// A served world is looked at from the viewpoints that its server's program set last, at first from those that it had when it began to be
-    /// served, and by its clients ([`World::set_interest`]). What the program sets counts some ticks later, on all nodes from the same tick on, and
-    /// is kept when the server stops.
+    /// A served world is looked at from the viewpoints that its server's program set last, and by its clients
+    /// ([`World::set_interest`]). At first these are the viewpoints that the world had when it began to be
+    /// served. Viewpoints that the program sets take effect some ticks later, in the same tick on all nodes,
+    /// and are kept when the server stops. Clients and nodes return an error.
     ///
     /// ```
     /// use dcd::{Fidelity, Viewpoint};
@@ -36,8 +39,9 @@ impl World {
         }
     }
 
-    /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` where all is computed in full. The server of a world says what the leader
-    /// of its main group told last; nodes and clients do not know.
+    /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` for a world that is computed in
+    /// full. A server returns what the leader of the main group last reported. Nodes and clients return
+    /// `None`.
     #[must_use]
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         match &self.inner {

@@ -1,4 +1,4 @@
-//! Pushes bodies by explosions, water and wind, and lists who is inside a sensor.
+//! Pushes bodies by explosions, water and wind, and lists the bodies inside a sensor.
 
 use super::role::Instead;
 use super::{Error, World};
@@ -9,10 +9,11 @@ use crate::space::BodyId;
 
 const PUSH_ALL: &str = "push all bodies of a place";
 
-/// Explosions, fluids and triggers, over queries: across all regions, each body once.
+/// Explosions, fluids and triggers. They find bodies by queries: in all regions, each body once.
 impl World {
-    /// Pushes all dynamic bodies near a place away from it, once and at once, and wakes them; returns how many. Each of their solid colliders that
-    /// is near is pushed at its nearest point, by its silhouette. No body becomes faster by it than the world's speed limit. Local worlds only.
+    /// Pushes all dynamic bodies near a place away from it, at once and once only, and wakes them. Returns
+    /// their number. Each solid collider of a body within reach is pushed at its nearest point, in proportion
+    /// to its silhouette. The explosion makes no body faster than the world's speed limit. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -32,8 +33,8 @@ impl World {
         push_all(world, &pushes)
     }
 
-    /// Pushes the dynamic bodies that are in water, or in the wind, as that does in one step, and wakes them: to be called before each step. Returns
-    /// how many there are. Local worlds only.
+    /// Pushes the dynamic bodies that are in water or wind, as these do within one step, and wakes them.
+    /// Returns their number. Call it before each step. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -63,8 +64,9 @@ impl World {
         push_all(world, &pushes)
     }
 
-    /// Returns the movable bodies that overlap a sensor as the world is now, in id order, asleep or not, whoever owns them: a [`BodyId`] stands for
-    /// the body's first collider. Collision groups count; neither other sensors nor fixed bodies are listed, and no events need be active.
+    /// Returns the movable bodies that overlap a sensor as the world is now, in id order, asleep or not, in
+    /// any region. A [`BodyId`] stands for the body's first collider. Collision groups count. Fixed bodies
+    /// and other sensors are not listed. No events need be active. A collider that is no sensor is an error.
     /// Local worlds only.
     ///
     /// ```

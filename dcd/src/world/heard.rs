@@ -1,12 +1,12 @@
-//! Copies what a client has heard of bodies: those alone that changed since its last step, and not all that there are.
+//! Copies what a client has heard of bodies: only of those that changed since its last step.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::cluster::{BodyView, Client};
 use crate::space::BodyId;
 
-/// Brings a copy of a client's bodies up to date, without those that are hidden; the bodies `again` are looked at whether they changed or
-/// not. Returns which were looked at.
+/// Brings a copy of a client's bodies up to date, without the hidden ones. The bodies in `again` are copied
+/// whether or not they changed. Returns the ids of all bodies that were looked at.
 pub(super) fn follow(
     bodies: &mut BTreeMap<BodyId, BodyView>,
     client: &mut Client,
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(again, [ids(3..4), ids(1_000..1_001)].concat());
         assert!(bodies.values().eq(client.bodies()), "and all are as they were told");
 
-        // One that its user has removed is back where that is refused, though nothing was told of it.
+        // A removed body is back when the removal is refused, although nothing was told of it.
         let hidden = BodyId::persistent(5);
         tell(&mut client, ToClient::Removed(BodyId::persistent(4)));
         follow(&mut bodies, &mut client, [hidden].into(), |id| id == hidden);
@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(follow(&mut bodies, &mut client, [hidden].into(), |_| false), [hidden]);
         assert!(bodies.values().eq(client.bodies()));
 
-        // What the leader of another group says counts anew for all.
+        // What the leader of another group tells makes all bodies count as changed.
         let leader = ToClient::LeaderIs {
             group: GroupId(2),
             view: crate::protocol::ViewNumber(2),

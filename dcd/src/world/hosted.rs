@@ -1,5 +1,5 @@
-//! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others. A server's program may change
-//! the world; what it reads is the server's record, at most half a second old. A node shows nothing of it.
+//! Implements [`World`](super::World) for servers and nodes. A server's program may change the world; what it
+//! reads is the server's record, at most half a second old. A node shows nothing of its world.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -25,27 +25,27 @@ use crate::protocol::{
 use crate::runtime::{LocalWorld, Member, ProcessError, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, DistributionTree, JointId, Tick, Viewpoint};
 
-/// The process that runs behind the world, on threads of its own.
+/// The server or node that runs behind the world, on threads of its own.
 pub(super) enum Process {
     Server(ServerProcess),
     Node(Member),
 }
 
-/// A server or a node, and what it knows of its world.
+/// The world of a server or node.
 pub(super) struct Hosted {
     process: Process,
-    /// What the program of a server does; nodes have none.
+    /// What the server's program does to the world; `None` for a node.
     author: Option<Author>,
     network: Network,
-    /// A node takes them from its server.
+    /// The step settings; `None` for a node, which takes them from its server.
     settings: Option<StepSettings>,
-    /// Contacts heard of in the last step.
+    /// The contact events taken in by the last step.
     events: WorldEvents,
-    /// Bodies that the program has removed: contacts that end name them.
+    /// Bodies that the program has removed: ends of contacts still name them.
     departed: Departed,
-    /// How many queries were submitted.
+    /// The number of queries submitted.
     questions: u64,
-    /// Those that wait for the next step, as what was done before them does.
+    /// Queries that wait for the next step, together with what was done before them.
     waiting: Vec<Query>,
 }
 
@@ -66,7 +66,7 @@ impl Hosted {
         Self { network, author, process, settings, events, departed, questions: 0, waiting: Vec::new() }
     }
 
-    /// Returns the server with its program's changes, or why a node has none.
+    /// Returns the server and its program's author, or the error for a node.
     fn written(&mut self, what: &'static str) -> Result<(&ServerProcess, &mut Author), Error> {
         self.look()?;
         match (&self.process, &mut self.author) {
@@ -75,7 +75,7 @@ impl Hosted {
         }
     }
 
-    /// Returns the server, or why a node cannot do what one does.
+    /// Returns the server, or the error that a node cannot do `what`.
     fn server_to(&self, what: &'static str) -> Result<&ServerProcess, Error> {
         match &self.process {
             Process::Server(server) => self.look().map(|()| server),
@@ -109,11 +109,11 @@ impl Hosted {
         }
     }
 
-    /// Sends what a server's program has done since the last step, and what it has asked about that.
+    /// Sends what a server's program did since the last step, and the queries that wait.
     fn flush(&mut self) {
         let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) else { return };
         let ops = author.take(server);
-        // The shapes are copied where one is added while the server has them.
+        // The clone is cheap. Adding a shape while the server still holds the clone copies the library.
         if ops.iter().any(|op| matches!(op, BuildOp::Insert { .. })) {
             server.change_with(ops, author.shapes().clone());
         } else if !ops.is_empty() {
@@ -197,7 +197,7 @@ impl Remote for Hosted {
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
         self.departed.trim();
-        // What came before the end is told once, as all else.
+        // Events from before the end of the world are reported once, as all others.
         let events = self.server().map(ServerProcess::take_events);
         self.events = events.unwrap_or_default();
         self.look()?;
@@ -368,7 +368,8 @@ impl Remote for Hosted {
         let number = self.questions + 1;
         let question = Query { number, ..question };
         question.check().map_err(refused)?;
-        // What the program did before is there for its question: that goes with it. Sent by itself it would part bodies that are to be tied.
+        // A query must see what the program did before it, so it waits for these changes. Sending them now
+        // would separate bodies that are to be tied.
         let waits = self.written("ask by rays, shapes and points")?.1.has_news();
         self.waiting.push(question);
         if !waits {
@@ -432,7 +433,7 @@ impl Remote for Hosted {
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
         let known = self.record(id).map(|body| body.user_data);
-        // Another may have removed it.
+        // Someone else may have removed the body.
         let recorded = || self.server()?.read(|record| record.body(id).map(|body| body.user_data));
         known.or_else(recorded).or_else(|| self.departed.get(id))
     }

@@ -1,4 +1,5 @@
-//! Inserts, changes and reads joints and multibody joints, in local worlds, by a server's program and by builders.
+//! Inserts, changes, reads and removes joints and multibody joints, in local worlds, by a server's program
+//! and by builders.
 
 use rapier3d::prelude::GenericJoint;
 
@@ -11,16 +12,17 @@ use crate::space::{BodyId, JointId};
 
 const WATCH_JOINTS: &str = "watch what joints bear";
 
-/// Joints of local worlds, and those that a server's program or a builder makes: other clients see none.
+/// Joints of local worlds, and those that a server's program or a builder makes. Other clients see no joints.
 impl World {
-    /// Returns an error if bodies cannot be joined here.
+    /// Returns an error if this role cannot make joints.
     #[doc(hidden)]
     pub fn ties_bodies(&self) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.ties_bodies())
     }
 
-    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole. A server or a builder ties
-    /// bodies that were inserted since its last step, to one another or to fixed ones.
+    /// Inserts a joint between two bodies. The assemblies of both bodies become one, which one region owns
+    /// and which moves as a whole. A server's program or a builder can only tie bodies that it inserted since
+    /// its last step, to one another or to fixed bodies.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -47,9 +49,11 @@ impl World {
         }
     }
 
-    /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
-    /// joint cannot come apart. One region owns a whole multibody with all that is joined to it, whatever the coupling: it is
-    /// never shared, and when it changes owner its contacts begin again without warm starting.
+    /// Makes body `b` a link of the multibody of `a` (reduced coordinates after Featherstone, as Rapier's
+    /// multibody joints): the joint cannot come apart. Local worlds only.
+    ///
+    /// One region owns a whole multibody with all that is joined to it, whatever the coupling. It is never
+    /// shared, and when it changes owner its contacts begin again without warm starting.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -75,7 +79,7 @@ impl World {
         Ok(world.insert_multibody_joint(a, b, joint, settings)?)
     }
 
-    /// Removes a joint.
+    /// Removes a joint: at once in a local world, with the next step for a server's program or a builder.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.remove_joint(joint)?),
@@ -83,7 +87,8 @@ impl World {
         }
     }
 
-    /// Changes a joint in place: motors, limits, whether it acts; a server's program or a builder with its next step.
+    /// Changes a joint in place: its motors, limits, and whether it is enabled. A server's program or a
+    /// builder does so with its next step.
     pub fn update_joint(
         &mut self,
         joint: JointId,
@@ -95,8 +100,8 @@ impl World {
         }
     }
 
-    /// Returns a joint as it is now: its motors are whole, however many regions share it. `None` if the world computes no such
-    /// joint.
+    /// Returns a joint as it is now, with its whole motors, however many regions share it. `None` if this
+    /// process knows no such joint.
     #[must_use]
     pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
         match &self.inner {
@@ -105,7 +110,8 @@ impl World {
         }
     }
 
-    /// Returns the joints of a body, in order of insertion; none for clients and nodes.
+    /// Returns the joints of a body, in order of insertion. Clients (other than builders) and nodes know
+    /// none.
     #[must_use]
     pub fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         match &self.inner {
@@ -114,23 +120,28 @@ impl World {
         }
     }
 
-    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its frame, newton metres
-    /// about them. Rapier makes what it solves orthogonal first, so the numbers of several axes are mixed.
+    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of the
+    /// joint's frame, then newton metres about them. Rapier makes the constraints orthogonal before it solves
+    /// them, so that the numbers of several axes are mixed. `None` if there is no such joint, and in a served
+    /// world.
     #[must_use]
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
         self.alone()?.joint_load(joint)
     }
 
-    /// Returns an error if joints cannot be given strengths here.
+    /// Returns an error if this role cannot set strengths of joints.
     #[doc(hidden)]
     pub fn watches_joints(&self) -> Result<(), Error> {
         self.local(WATCH_JOINTS, Instead::JointsInScene).map(drop)
     }
 
-    /// Sets the force and torque on its locked axes above which a joint is too weak: [`World::joint_overloads`] tells of it after each
-    /// step in which it bears more, and the program decides whether it breaks. As [`World::joint_load`] it is the load
-    /// of the solver's last iteration: one that lasts shows, of a blow what is left. Its torque is not that about the anchor, unless this is
-    /// the body's centre of mass: go by the force. Infinite for never, as at first. Local worlds only.
+    /// Sets the strength of a joint: the force, newtons, and torque, newton metres, on its locked axes that
+    /// it bears. After each step in which it bears more, [`World::joint_overloads`] lists it, and the program
+    /// decides whether it breaks. At first both are infinite, which means never. Local worlds only.
+    ///
+    /// As with [`World::joint_load`], the load is that of the solver's last iteration. A lasting load shows
+    /// in full, a blow only by what is left of it then. The torque is about the anchor only where that is the
+    /// body's centre of mass: prefer the force.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -155,26 +166,29 @@ impl World {
         Ok(world.set_joint_strength(joint, force_n, torque_n_m)?)
     }
 
-    /// Returns the joints that bore more than their strength in the last step, in id order; none in a served world.
+    /// Returns the joints that bore more than their strength in the last step, in id order. Empty in a served
+    /// world.
     #[must_use]
     pub fn joint_overloads(&self) -> &[JointOverload] {
         self.alone().map_or(&[], |world| world.joint_overloads())
     }
 
-    /// Changes damping, armature, friction and springs of a multibody joint.
+    /// Changes damping, armature, friction and springs of a multibody joint. Local worlds only.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), Error> {
         Ok(self.local_mut("drive joints", Instead::JointsInScene)?.update_link(joint, settings)?)
     }
 
-    /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
+    /// Returns the position and velocity of a multibody's link in the coordinates of its joint. `None` before
+    /// its first step, and in a served world.
     #[must_use]
     pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
         self.alone()?.link_motion(joint)
     }
 
-    /// Sets the velocity of a multibody's link, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
-    /// ([`LinkSettings::kinematic`]) keep to it. Not by axis: a hinge's only value is the first, whatever its axis, and values
-    /// beyond a joint's degrees of freedom are ignored.
+    /// Sets the velocity of a multibody's link, one value per degree of freedom, the linear ones first, m/s
+    /// and rad/s. Kinematic links ([`LinkSettings::kinematic`]) keep to it. Values are not by axis: the only
+    /// value of a hinge is the first, whatever its axis. Values beyond the joint's degrees of freedom are
+    /// ignored. Local worlds only.
     pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), Error> {
         Ok(self.local_mut("drive joints", Instead::JointsInScene)?.set_link_velocity(joint, velocity)?)
     }

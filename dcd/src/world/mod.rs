@@ -1,8 +1,10 @@
-//! Defines [`World`], one interface for every role that a process can have in a world (local, client, participant, server, node),
-//! with the same methods and the same refusals.
+//! Defines [`World`], one interface for every role of a process in a world (local, client, builder,
+//! participant, server, node). The methods are the same in all roles, and so are the errors for what a role
+//! cannot do.
 //!
-//! A role is a variant of `Inner`: the world that this process computes alone ([`LocalWorld`]), or one that others compute
-//! (`remote::Remote`: `served` for clients and participants, `hosted` for servers and nodes).
+//! `Inner` has two variants: the world that this process computes alone ([`LocalWorld`]), and one that other
+//! processes compute (`remote::Remote`: `served` for clients, builders and participants, `hosted` for servers
+//! and nodes).
 
 #[cfg(feature = "net")]
 mod author;
@@ -57,9 +59,10 @@ pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 
 /// One rigid-body world, computed by this process or by others.
 ///
-/// A local world is computed by this process alone, by one Rapier world per region. A client, a participant, a server and a node
-/// are processes of a served world ([`World::connect`], [`World::participate`], [`World::serve`], [`World::join_as_node`]). All
-/// have the same methods; what a role cannot do is refused by [`Unsupported`], which says what to do instead.
+/// This process alone computes a local world, by one Rapier world per region. A client, a participant, a
+/// server and a node are processes of a served world ([`World::connect`], [`World::participate`],
+/// [`World::serve`], [`World::join_as_node`]). All have the same methods. A method that does not suit the
+/// role returns [`Unsupported`], which says what to do instead.
 ///
 /// ```
 /// use dcd::prelude::*;
@@ -81,7 +84,7 @@ pub struct World {
     answers: Answers,
     last_step: LastStep,
     canvas: Canvas,
-    /// Shapes of a world that others compute, built for who looks at them.
+    /// Rapier's shapes, built from records of a world that other processes compute. Filled on demand.
     built: Mutex<ShapeLibrary>,
 }
 
@@ -117,13 +120,13 @@ impl World {
         }
     }
 
-    /// Makes an empty local world.
+    /// Makes an empty local world, or returns an error if a setting of `config` is out of range.
     pub fn new(config: WorldConfig) -> Result<Self, Error> {
         Ok(LocalWorld::new(config)?.into())
     }
 
-    /// Makes a local world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
-    /// [`WorldConfig::for_scene`] is the configuration that the scene asks for.
+    /// Makes a local world with everything that a scene holds. Body `i` of the scene becomes
+    /// `BodyId::persistent(i)`. [`WorldConfig::for_scene`] returns the configuration that the scene asks for.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -148,9 +151,11 @@ impl World {
 
     /// Advances a local world by one tick.
     ///
-    /// A served world advances by itself: there the call sends the inputs of avatars, or what the server's program did, takes in
-    /// what has come since the last call, and waits for nothing. Between two calls only the caller changes anything. Once the world has ended, or the server has
-    /// been out of reach for too long, every call returns an error; the last known state can still be read.
+    /// A served world advances by itself. There the call sends the inputs of avatars, or what a server's
+    /// program or a builder did to the world. It takes in what has arrived since the last call, and returns
+    /// without waiting. Between two calls only the caller changes anything. Once the world has ended, or the
+    /// server has been out of reach for too long, every call returns an error; the last known state can still
+    /// be read.
     pub fn step(&mut self) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => {
@@ -161,8 +166,9 @@ impl World {
         }
     }
 
-    /// Waits until something has come that the next step would take in, or the world has ended, but not longer than `timeout`;
-    /// returns whether it came. Nothing comes to a local world, which does not wait: one loop does for both.
+    /// Waits until something arrives that the next step would take in, or until the world ends, but not
+    /// longer than `timeout`. Returns false if the time ran out. Nothing arrives at a local world: it returns
+    /// true at once, so that one loop suits all roles.
     pub fn poll(&self, timeout: Duration) -> bool {
         match &self.inner {
             Inner::Local(_) => true,
@@ -170,7 +176,7 @@ impl World {
         }
     }
 
-    /// Returns how many ticks are done; in a served world the newest tick received.
+    /// Returns the number of ticks done; in a served world, the newest tick that this process has received.
     #[must_use]
     pub fn tick(&self) -> Tick {
         match &self.inner {
@@ -179,7 +185,7 @@ impl World {
         }
     }
 
-    /// Returns the length of a tick in seconds; 0 for a node, which takes it from its server.
+    /// Returns the length of a tick in seconds; 0 for a node, whose settings come from its server.
     #[must_use]
     pub fn dt_s(&self) -> f32 {
         match &self.inner {
@@ -188,7 +194,7 @@ impl World {
         }
     }
 
-    /// Returns gravity, m/s²; 0 for a node, which takes it from its server.
+    /// Returns gravity, m/s²; 0 for a node, whose settings come from its server.
     #[must_use]
     pub fn gravity(&self) -> [f32; 3] {
         match &self.inner {
@@ -197,8 +203,9 @@ impl World {
         }
     }
 
-    /// Returns the fastest that a dynamic body moves, m/s; 0 for a node, which takes it from its server. What forces and contacts make faster
-    /// is cut to it; a body that is inserted or set to be faster is refused.
+    /// Returns the speed limit of dynamic bodies, m/s; 0 for a node, whose settings come from its server. A
+    /// body that forces and contacts make faster is slowed to the limit. A dynamic body that is faster cannot
+    /// be inserted, nor can one be set to a higher speed.
     #[must_use]
     pub fn speed_limit_m_s(&self) -> f32 {
         match &self.inner {
@@ -207,7 +214,8 @@ impl World {
         }
     }
 
-    /// Returns how the world is stepped; a node takes it from its server and refuses.
+    /// Returns the settings by which the world is stepped. A node, whose settings come from its server,
+    /// returns an error.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -229,15 +237,17 @@ impl World {
         }
     }
 
-    /// Sets how the world is stepped from the next step on. Bodies that sleep are woken if gravity changes. How regions are coupled
-    /// stays as it is, but for the tolerance: what differs there is refused. Local worlds only: a served one keeps the settings with
-    /// which it was made.
+    /// Sets the settings by which the world is stepped, from the next step on. Local worlds only: a served
+    /// world keeps the settings with which it was made.
+    ///
+    /// A change of gravity wakes sleeping bodies. The coupling, `exchanges`, `depth` and `island_limit` must
+    /// stay as they are, otherwise the call returns an error; `tolerance_m_s` may change.
     pub fn set_settings(&mut self, settings: StepSettings) -> Result<(), Error> {
         Ok(self.local_mut("be stepped otherwise", Instead::SettingsAtBirth)?.set_settings(settings)?)
     }
 
-    /// Returns the world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and
-    /// participants.
+    /// Returns the local world, or the error that this role cannot do `what`. For clients and participants
+    /// the error names `instead` as the remedy.
     #[doc(hidden)]
     pub fn local(&self, what: &'static str, instead: Instead) -> Result<&LocalWorld, Error> {
         match &self.inner {

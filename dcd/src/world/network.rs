@@ -1,4 +1,4 @@
-//! Exposes the connections of a served world, the messages between its programs, and the traffic.
+//! Exposes the connections of a served world, the messages between programs, and the network traffic.
 
 use std::time::Duration;
 
@@ -8,10 +8,11 @@ use super::role::{Instead, Unsupported};
 use crate::net::PeerStats;
 use crate::runtime::{Connection, ConnectionEvent, ConnectionId, Connections, Delivery, ProgramMessage};
 
-/// The connections of a served world, and the events and messages that came over them up to its last step.
+/// The connections of a served world, with the events and messages that arrived over them up to the last
+/// step.
 pub(super) struct Network {
     connections: Connections,
-    /// How many arrivals there had been by then.
+    /// The number of arrivals up to the last step.
     seen: u64,
     events: Vec<ConnectionEvent>,
     messages: Vec<ProgramMessage>,
@@ -22,7 +23,7 @@ impl Network {
         Self { connections, seen: 0, events: Vec::new(), messages: Vec::new() }
     }
 
-    /// Takes in what has come since the last step.
+    /// Takes in what has arrived since the last step.
     pub(super) fn listen(&mut self) {
         self.seen = self.connections.arrivals();
         self.events = self.connections.take_events();
@@ -34,7 +35,8 @@ impl Network {
     }
 }
 
-/// A handle that waits for what a world's next step would take in, without holding the world.
+/// A handle that waits for what a world's next step would take in, without borrowing the world
+/// ([`World::arrivals`]).
 #[derive(Clone)]
 #[must_use]
 pub struct Arrivals {
@@ -49,8 +51,8 @@ impl std::fmt::Debug for Arrivals {
 }
 
 impl Arrivals {
-    /// Waits until something has come since the world's last step, or the world has ended, but not longer than `timeout`; returns
-    /// whether it came.
+    /// Waits until something has arrived since the step of the world after which this handle was made, or the
+    /// world has ended, but not longer than `timeout`. Returns false if the time ran out.
     pub fn wait(&self, timeout: Duration) -> bool {
         self.connections.wait(self.seen, timeout)
     }
@@ -72,53 +74,55 @@ impl World {
         self.network().map(drop).ok_or_else(|| self.refuse(what, Instead::Serve))
     }
 
-    /// Lists the processes that this one is connected with, the oldest connection first; none in a local world. A server has one
-    /// with each node, client and participant; others have one with their server, and with the nodes of their group that they
-    /// need.
+    /// Lists the processes to which this one is connected, the oldest connection first; empty in a local
+    /// world. A server is connected to each node, client and participant. The others are connected to their
+    /// server, and to the nodes of their group that they need.
     #[must_use]
     pub fn connections(&self) -> Vec<Connection> {
         self.network().map(|network| network.connections.list()).unwrap_or_default()
     }
 
-    /// Returns one connection as it is now; `None` once it is gone.
+    /// Returns a connection as it is now; `None` if it is gone.
     #[must_use]
     pub fn connection(&self, id: ConnectionId) -> Option<Connection> {
         self.network()?.connections.get(id)
     }
 
-    /// Returns the events of connections (new, lost, back, gone) up to the last step, in order.
+    /// Returns the events of connections (new, lost, back, gone) that were taken in by the last step, in
+    /// order.
     #[must_use]
     pub fn connection_events(&self) -> &[ConnectionEvent] {
         self.network().map_or(&[], |network| &network.events)
     }
 
-    /// Returns the messages that programs of other processes sent to this one, up to the last step.
+    /// Returns the messages from the programs of other processes that were taken in by the last step.
     #[must_use]
     pub fn messages(&self) -> &[ProgramMessage] {
         self.network().map_or(&[], |network| &network.messages)
     }
 
-    /// Sends bytes to the program at the other end of a connection, where they are among the [`World::messages`] after its next
-    /// step. A server's program may send to every process, the others to the server only.
+    /// Sends bytes to the program at the other end of a connection, where the next step adds them to
+    /// [`World::messages`]. A server's program may send to every process, the others to the server only.
     pub fn send(&self, to: ConnectionId, bytes: &[u8], delivery: Delivery) -> Result<(), Error> {
         let network = self.network().ok_or_else(|| self.refuse("send messages", Instead::Serve))?;
         Ok(network.connections.send(to, bytes, delivery)?)
     }
 
-    /// Disconnects a process from a server's world, and tells it why. A node's regions are handed over first; a client's avatars
-    /// wait for its return, which takes a new token.
+    /// Disconnects a process from a server's world and tells it why; servers only. A node's regions are
+    /// handed over first. A client's avatars wait for its return, for which it needs a new token.
     pub fn disconnect(&self, who: ConnectionId, why: &str) -> Result<(), Error> {
         let network = self.network().ok_or_else(|| self.refuse("send processes away", Instead::Serve))?;
         Ok(network.connections.disconnect(who, why)?)
     }
 
-    /// Returns a handle that waits for the network without holding the world; `None` for a local world, to which nothing comes.
+    /// Returns a handle that waits for the network without borrowing the world; `None` for a local world,
+    /// where nothing arrives.
     pub fn arrivals(&self) -> Option<Arrivals> {
         let Network { connections, seen, .. } = self.network()?;
         Some(Arrivals { connections: connections.clone(), seen: *seen })
     }
 
-    /// Returns the traffic over the network so far; zero in a local world.
+    /// Returns the network traffic of this process so far; zero in a local world.
     #[must_use]
     pub fn traffic(&self) -> PeerStats {
         self.remote().map(|world| world.traffic()).unwrap_or_default()

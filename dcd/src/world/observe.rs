@@ -8,11 +8,12 @@ use crate::protocol::{Area, Handover, WorldEvents};
 use crate::runtime::{Choice, LocalWorld, Stats};
 use crate::space::{Balance, BodyId, ClientId, RegionId};
 
-/// Events, statistics, regions.
+/// Events, statistics and regions.
 impl World {
-    /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
-    /// `ActiveEvents` on either side. Of a served world a client is told those of its avatars, and the server's program those of all
-    /// bodies (`ServeConfig::events`). A kinematic body notices fixed ones and their sensors only with
+    /// Returns the contacts that began, ended or exceeded their force threshold in the last step, for
+    /// colliders with Rapier's `ActiveEvents` on either side. In a served world a client receives those of
+    /// its avatars, and the server's program those of all bodies (`ServeConfig::events`). A kinematic body
+    /// notices fixed bodies and their sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     ///
     /// ```
@@ -38,9 +39,10 @@ impl World {
         }
     }
 
-    /// Returns the points at which a body touches others after the last step, or is about to, by pair and manifold: where, how deep, and by
-    /// which impulse they push. Colliders that a sensor detects have none. Local worlds only: a client is told when contacts of its avatars
-    /// begin and end.
+    /// Returns the contact points of a body after the last step, also those of contacts that are about to
+    /// begin, by pair and manifold: where they are, how deep, and the impulse by which they push. Contacts
+    /// with sensors have no points. Local worlds only: a client learns when contacts of its avatars begin and
+    /// end ([`World::events`]).
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -61,7 +63,8 @@ impl World {
         Ok(self.local("read contacts", Instead::HearTouches)?.host().contact_points(body))
     }
 
-    /// Returns the bodies that changed owner in the last step; in a served world those whose change became known in it.
+    /// Returns the bodies that changed owner in the last step. A client returns the changes that it learnt of
+    /// in its last step; a server or node returns none.
     #[must_use]
     pub fn handovers(&self) -> &[Handover] {
         match &self.inner {
@@ -70,26 +73,27 @@ impl World {
         }
     }
 
-    /// Returns the bodies of a served world that came or went in the last step, and refused inputs; nothing in a local world,
-    /// whose program knows.
+    /// Returns the bodies of a served world that came or went in a client's last step, and the inputs that
+    /// were refused. Empty in other roles: the program of a local world knows.
     #[must_use]
     pub fn changes(&self) -> &[BodyChange] {
         self.remote().map_or(&[], |world| world.changes())
     }
 
-    /// Returns whether the link to the server is gone, or the world has ended; never for a local world.
+    /// Returns whether the link to the server is lost, or the world has ended; always false for a local
+    /// world.
     #[must_use]
     pub fn is_lost(&self) -> bool {
         self.remote().is_some_and(|world| world.is_lost())
     }
 
-    /// Returns the id that the server knows this process by as a client; `None` for other roles.
+    /// Returns the id of this process as a client; `None` for a local world, a server or a node.
     #[must_use]
     pub fn client(&self) -> Option<ClientId> {
         self.remote()?.client()
     }
 
-    /// Returns statistics of the world so far, as far as this process knows.
+    /// Returns statistics of the world since its beginning, as far as this process knows them.
     #[must_use]
     pub fn stats(&self) -> Stats {
         match &self.inner {
@@ -98,8 +102,8 @@ impl World {
         }
     }
 
-    /// Returns what the last step took by phase, and what was computed in it. Local worlds only: of others, [`World::stats`] has the
-    /// wall time of taking in what came.
+    /// Returns the times of the phases of the last step, and what was computed in it. Local worlds only: for
+    /// other roles see [`Stats::last_step`].
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -115,25 +119,25 @@ impl World {
         Ok(self.local("tell what a step costs", Instead::LookLocal)?.host().profile())
     }
 
-    /// Returns the number of state messages received so far; 0 in a local world.
+    /// Returns the number of messages with states of bodies that this client has received; 0 in other roles.
     #[must_use]
     pub fn updates(&self) -> u64 {
         self.remote().map_or(0, |world| world.updates())
     }
 
-    /// Returns how a local world is computed (regions, threads, coupling), and why so; `None` where others decide.
+    /// Returns how a local world is computed (regions, threads, coupling) and why; `None` in other roles.
     #[must_use]
     pub fn chosen(&self) -> Option<Choice> {
         Some(self.alone()?.chosen())
     }
 
-    /// Returns a hash of the state of all movable bodies: equal for equal worlds, whatever the number of threads. Local worlds
-    /// only.
+    /// Returns a hash of the poses and velocities of all movable bodies. Equal worlds have equal hashes,
+    /// whatever the number of threads. Local worlds only.
     pub fn state_hash(&self) -> Result<u64, Error> {
         Ok(self.local("compute the state's hash", Instead::CompareLocal)?.state_hash())
     }
 
-    /// Returns how many regions the world is cut into; for a node, how many it computes.
+    /// Returns the number of regions of the world; for a node, the number that it computes.
     #[must_use]
     pub fn region_count(&self) -> usize {
         match &self.inner {
@@ -142,7 +146,7 @@ impl World {
         }
     }
 
-    /// Returns the regions of the world; none where the process does not see it.
+    /// Returns the regions of the world; empty for a server and a node.
     #[must_use]
     pub fn regions(&self) -> Vec<RegionInfo> {
         let info = |region: &Region| RegionInfo {
@@ -158,7 +162,8 @@ impl World {
         }
     }
 
-    /// Returns the region and node that have authority over a body; `None` if it is not in the world.
+    /// Returns the region and node that have authority over a body. [`Owner::region`] is `None` for a fixed
+    /// body, for one that is not in the world, and always in a server or node.
     #[must_use]
     pub fn owner(&self, body: BodyId) -> Owner {
         let world = match &self.inner {
@@ -169,34 +174,39 @@ impl World {
         Owner { region, holders: world.host().holders(body), here: region.is_some(), ..Owner::default() }
     }
 
-    /// Returns the borders between regions: what they share there, and by how much their copies disagree. Local worlds only.
+    /// Returns the borders between regions: what the regions share there, and by how much their copies
+    /// disagree. Local worlds only.
     pub fn borders(&self) -> Result<Vec<BorderView>, Error> {
         Ok(self.local("tell what borders cost", Instead::LookLocal)?.host().borders())
     }
 
-    /// Checks what must hold between two ticks: exactly one owner per body, an owner index that leads to it, owners and regions
-    /// that agree on who holds what, lists in order, parts of masses that add up, finite numbers. Nothing is returned as long as all is
-    /// well; it costs a look at every body. A world that others compute has nothing to check here. The feature `validate` does it
-    /// after every tick, and panics.
+    /// Checks the invariants of a local world between two ticks, and returns what violates them: exactly one
+    /// owner per body, an owner index that leads to it, owners and regions that agree on who holds what,
+    /// lists in order, shares of masses that add up, and finite numbers. An empty result means that all is
+    /// well. The check looks at every body. In other roles the result is empty. The feature `validate` runs
+    /// the check after every tick, and panics on a finding.
     #[must_use]
     pub fn validate(&self) -> Vec<Inconsistency> {
         self.alone().map(|world| world.host().validate()).unwrap_or_default()
     }
 
-    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change owner
-    /// as if they had crossed it by themselves. Local worlds only.
+    /// Moves the plane of an inner vertex of the distribution tree to `at`, metres along the plane's axis,
+    /// between its neighbours on that axis. Bodies change owner as if they had crossed the plane by
+    /// themselves. Local worlds only.
     pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), Error> {
         Ok(self.local_mut("move a plane", Instead::LookLocal)?.move_plane(vertex, at)?)
     }
 
-    /// Sets the load balance of a local world: its regions follow the load from now on; `None` leaves them as they are.
+    /// Sets the load balance of a local world: from now on its regions follow the load. `None` leaves the
+    /// regions as they are.
     pub fn set_balance(&mut self, balance: Option<Balance>) -> Result<(), Error> {
         Ok(self.local_mut("balance regions", Instead::LookLocal)?.set_balance(balance)?)
     }
 
-    /// Sets the area of interest: from now on bodies in it and around avatars of this process are received; `None`: all, as at
-    /// first. Bodies outside stay as last received ([`Body::outside`](super::Body::outside)). A local world shows everything all
-    /// the same.
+    /// Sets a client's area of interest: from now on it receives the states of bodies in the area and around
+    /// its own avatars. `None` means all bodies, as at first unless `JoinConfig::interest` says otherwise.
+    /// Bodies outside stay as they were last received ([`Body::outside`](super::Body::outside)). A local
+    /// world ignores the call and shows everything; a server or node returns an error.
     pub fn set_interest(&mut self, area: Option<Area>) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(()),
@@ -204,9 +214,11 @@ impl World {
         }
     }
 
-    /// Limits what this process is sent of bodies, in bytes per second with all headers but IP's; `None`: as many as the link carries, as
-    /// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from the avatars of this
-    /// process, and for longest. Below some 2,000 bytes per second little is told but that time goes on. A local world knows all.
+    /// Limits the bytes per second of states of bodies that this client is sent, with all headers but IP's.
+    /// `None`, as at first, means as many as the link carries. Where there is room for fewer bodies than have
+    /// news, those come first that are most wrong here, as seen from this client's avatars, and for the
+    /// longest time. Below some 2,000 bytes per second the client learns little more than that time goes on.
+    /// A local world ignores the call; a server or node returns an error.
     pub fn set_bandwidth(&mut self, bytes_per_s: Option<u32>) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(()),

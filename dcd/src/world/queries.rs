@@ -1,5 +1,5 @@
-//! Answers spatial queries (rays, shape casts, projections, overlaps): at once in a local world, some ticks later in a served
-//! one.
+//! Answers spatial queries (rays, shape casts, projections, overlaps): at once in a local world, some ticks
+//! later in a served one.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::{Error, Inner, World};
 use crate::physics::Queries;
 use crate::protocol::{Query, QueryResult};
 
-/// Answers of a local world to submitted queries, until they are taken.
+/// Answers of a local world to submitted queries that the program has not taken yet.
 #[derive(Default)]
 pub(super) struct Answers {
     last: u64,
@@ -17,8 +17,9 @@ pub(super) struct Answers {
 
 /// Queries.
 impl World {
-    /// Returns the interface for rays, shape casts, projections and overlaps over all regions, of the state as it is now. Local
-    /// worlds only: clients and participants of a served one use [`World::submit`].
+    /// Returns the interface for rays, shape casts, projections and overlaps in all regions, of the state as
+    /// it is now. Local worlds only: clients and participants of a served world use [`World::submit`], and so
+    /// does the program of a server.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -33,9 +34,10 @@ impl World {
         Ok(self.local("ask by rays, shapes and points", Instead::SubmitQuery)?.queries())
     }
 
-    /// Submits a query to the processes that compute the world, and returns the number under which [`World::answer`] has the
-    /// answer: at once in a local world, some ticks later in a served one. `query.number` is ignored. What a server's program did since its
-    /// last step is there for its question: that is sent with the next step then.
+    /// Submits a query to the processes that compute the world, and returns the number by which
+    /// [`World::answer`] gives the answer: at once in a local world, some ticks later in a served one.
+    /// `query.number` is ignored. A query of a server's program sees what the program did since its last
+    /// step: both are then sent with the next step. A node returns an error.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -72,7 +74,7 @@ impl World {
         }
     }
 
-    /// Takes the answer to a submitted query, once it has come. It is given once.
+    /// Takes the answer to a submitted query, once, after it has come; `None` before.
     pub fn answer(&mut self, number: u64) -> Result<Option<QueryResult>, Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(self.answers.here.remove(&number)),
@@ -80,7 +82,7 @@ impl World {
         }
     }
 
-    /// Cancels a submitted query: its answer is dropped.
+    /// Cancels a submitted query and drops its answer.
     pub fn forget(&mut self, number: u64) {
         match &mut self.inner {
             Inner::Local(_) => drop(self.answers.here.remove(&number)),

@@ -10,16 +10,19 @@ use crate::recording::{Background, RecordingError};
 
 const RECORD: &str = "record a world by itself";
 
-/// Recordings of local worlds. Nodes and participants are recorded from their beginning:
+/// Recordings of local worlds. A node or participant is recorded from its beginning instead:
 /// [`JoinConfig::record`](crate::network::JoinConfig).
 impl World {
-    /// Begins to record this world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
-    /// after each step. `dcd replay` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ.
-    /// A thread of its own writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends.
+    /// Begins to record this world to a file: a snapshot of the world as it is now, what is done to it from
+    /// now on, and a digest of each region after each step. `dcd replay` computes the world again from the
+    /// file, bit for bit, and `dcd diff` finds where two recordings differ. A thread of its own writes the
+    /// file, and a crash loses the last tenth of a second. A recording in progress ends.
     ///
-    /// What a program changes by its own code ([`World::update`]) is recorded by its effect. What has no form of its own is recorded by
-    /// a further snapshot before the next step: colliders that come, go or change, vehicles and characters that a program controls,
-    /// links of multibodies, settings, a load balance that is set, going back to a checkpoint or a save. Contact hooks are recorded by their answers: a replay needs no hooks.
+    /// Changes that a program makes by its own code ([`World::update`]) are recorded by their effect. Some
+    /// changes have no entry of their own; for them a further snapshot is recorded before the next step:
+    /// colliders that come, go or change, vehicles and characters that a program controls, links of
+    /// multibodies, settings, a load balance that is set, and going back to a checkpoint or a save. Contact
+    /// hooks are recorded by their answers, so that a replay needs no hooks.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -38,7 +41,7 @@ impl World {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Recording`] where the file cannot be written. [`Error::Unsupported`] in other roles.
+    /// [`Error::Recording`] if the file cannot be written. [`Error::Unsupported`] in other roles.
     pub fn record_to(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
         // It may be to the same file.
@@ -47,20 +50,21 @@ impl World {
         Ok(world.record(file)?)
     }
 
-    /// Begins to record this world in memory, and keeps at least the last so much time of it by the clock on the wall, about twice as much at most: for
-    /// "what happened just now?" Each stretch of that time begins with a snapshot. [`World::keep_recording`] writes it.
+    /// Begins to record this world in memory, to answer "what happened just now?" At least the last `time` of
+    /// it is kept, by wall clock, and at most about twice as much. Each stretch of that length begins with a
+    /// snapshot. [`World::keep_recording`] writes what is kept to a file.
     ///
     /// # Errors
-    /// As [`World::record_to`].
+    /// The same as [`World::record_to`].
     pub fn record_last(&mut self, time: Duration) -> Result<(), Error> {
         Ok(self.local_mut(RECORD, Instead::RecordNodes)?.record_last(time)?)
     }
 
-    /// Writes to a file what [`World::record_last`] has kept, and goes on recording. A file that is there is replaced once the new one is
-    /// whole.
+    /// Writes to a file what [`World::record_last`] has kept, and goes on recording. The new file replaces an
+    /// existing one once it is whole.
     ///
     /// # Errors
-    /// As [`World::record_to`], also if nothing is recorded in memory.
+    /// The same as [`World::record_to`], and [`Error::Recording`] if nothing is recorded in memory.
     pub fn keep_recording(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
         let mut kept = Vec::new();
@@ -75,10 +79,11 @@ impl World {
         Ok(written.map_err(RecordingError::from)?)
     }
 
-    /// Ends the recording, and waits until it is written. Does nothing where nothing is recorded, and in other roles.
+    /// Ends the recording, and waits until it is written. Does nothing if no recording is in progress, and in
+    /// other roles.
     ///
     /// # Errors
-    /// [`Error::Recording`] if anything of it could not be written: the file ends there.
+    /// [`Error::Recording`] if a part of it could not be written: the file ends there.
     pub fn stop_recording(&mut self) -> Result<(), Error> {
         match self.local_mut(RECORD, Instead::RecordNodes) {
             Ok(world) => Ok(world.stop_recording()?),

@@ -1,4 +1,4 @@
-//! Defines the trait `Remote`: what a process answers for a world that others compute.
+//! Defines the trait `Remote`: the methods of a world that other processes compute.
 
 use std::time::Duration;
 
@@ -25,10 +25,11 @@ use crate::runtime::{LocalWorld, Stats};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick, Viewpoint};
 use rapier3d::prelude::*;
 
-/// What a server alone can do of all that are not local.
+/// What a server can do, and no other role but a local world.
 pub(super) const SAVE: &str = "be saved or loaded";
 
-/// A role other than [`Role::Local`]. The default methods answer as a server or node does, which shows nothing of its world.
+/// A world in a role other than [`Role::Local`]. The default methods are those of a server or node, which
+/// shows nothing of its world.
 pub(super) trait Remote: Send + Sync {
     fn role(&self) -> Role;
     /// Returns the newest tick received.
@@ -36,18 +37,18 @@ pub(super) trait Remote: Send + Sync {
     fn dt_s(&self) -> f32;
     fn gravity(&self) -> [f32; 3];
     fn speed_limit_m_s(&self) -> f32;
-    /// Returns how the world is stepped, where that is known.
+    /// Returns the settings by which the world is stepped, if this role knows them.
     fn settings(&self) -> Result<StepSettings, Error>;
-    /// Sends inputs and takes in what has come; waits for nothing.
+    /// Sends inputs and takes in what has arrived, without waiting.
     fn step(&mut self) -> Result<(), Error>;
-    /// Waits for what the next step would take in; returns whether it came.
+    /// Waits for what the next step would take in; returns whether it arrived.
     fn poll(&self, timeout: Duration) -> bool;
     fn is_lost(&self) -> bool;
     fn stats(&self) -> Stats;
     fn fidelity_report(&self) -> Option<FidelityReport> {
         None
     }
-    /// Has what is seen from these places computed in full.
+    /// Sets the viewpoints: what is seen from them is computed in full.
     fn set_viewpoints(&self, _viewpoints: &[Viewpoint]) -> Result<(), Error> {
         Err(self.unsupported("be looked at from viewpoints", Instead::SayInterest))
     }
@@ -57,17 +58,18 @@ pub(super) trait Remote: Send + Sync {
     #[cfg(feature = "net")]
     fn traffic(&self) -> PeerStats;
 
-    /// Returns the error that this role cannot do `what`, and what to do instead.
+    /// Returns the error that this role cannot do `what`, with a remedy.
     fn unsupported(&self, what: &'static str, instead: Instead) -> Error {
         Unsupported { role: self.role(), what, instead }.into()
     }
 
-    /// Returns an error if the role does not see the bodies of its world.
+    /// Returns an error if this role does not see the bodies of its world.
     fn sees(&self, what: &'static str) -> Result<(), Error> {
         Err(self.unsupported(what, Instead::JoinAsClient))
     }
 
-    /// Returns the error for what only a local world can do: `instead` is for clients and participants.
+    /// Returns the error for what only a local world can do. `instead` is the remedy for clients and
+    /// participants.
     fn compute(&self, what: &'static str, _instead: Instead) -> Error {
         self.unsupported(what, Instead::ComputeAlone)
     }
@@ -86,7 +88,7 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("make bodies", Instead::JoinAsClient))
     }
 
-    /// Returns an error if a body cannot be inserted, where others would hear at once of one that is.
+    /// Returns an error if a body cannot be inserted, in a role where others hear at once of an insertion.
     fn can_insert(
         &self,
         _pose: WorldPose,
@@ -96,7 +98,7 @@ pub(super) trait Remote: Send + Sync {
         Ok(())
     }
 
-    /// Takes back the bodies that were inserted last, since the last step, as if they had never been.
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been there.
     fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
         bodies.iter().try_for_each(|&id| self.remove(id))
     }
@@ -118,12 +120,12 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("move bodies", Instead::JoinAsClient))
     }
 
-    /// Says what the driver of a vehicle does from now on.
+    /// Sets what the driver of a vehicle does from now on.
     fn drive(&mut self, _id: BodyId, _drive: Drive) -> Result<(), Error> {
         Err(self.unsupported("drive bodies", Instead::JoinAsClient))
     }
 
-    /// Returns an error if forces and impulses cannot be applied here.
+    /// Returns an error if this role cannot apply forces and impulses.
     fn pushes_bodies(&self) -> Result<(), Error> {
         Err(self.compute("push bodies by force", Instead::PushByAvatars))
     }
@@ -132,12 +134,12 @@ pub(super) trait Remote: Send + Sync {
         Err(self.compute("push bodies by force", Instead::PushByAvatars))
     }
 
-    /// Returns an error if bodies cannot be changed in place here.
+    /// Returns an error if this role cannot change bodies in place.
     fn changes_bodies(&self) -> Result<(), Error> {
         Err(self.unsupported(CHANGE_BODY, Instead::DriveAvatars))
     }
 
-    /// Returns an error if colliders cannot be changed here.
+    /// Returns an error if this role cannot change colliders.
     fn changes_colliders(&self) -> Result<(), Error> {
         Err(self.unsupported(CHANGE_SURFACE, Instead::ShapeAtBirth))
     }
@@ -161,7 +163,7 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("be suspended", Instead::ServerKeeps))
     }
 
-    /// Returns an error if the world cannot be saved and loaded here.
+    /// Returns an error if this role cannot save and load the world.
     fn can_be_saved(&self) -> Result<(), Error> {
         Err(self.compute(SAVE, Instead::ServerKeeps))
     }
@@ -176,7 +178,7 @@ pub(super) trait Remote: Send + Sync {
         Err(self.compute(SAVE, Instead::ServerKeeps))
     }
 
-    /// Returns an error if bodies cannot be joined here.
+    /// Returns an error if this role cannot make joints.
     fn ties_bodies(&self) -> Result<(), Error> {
         Err(self.compute("make, see, drive or destroy joints", Instead::JointsInScene))
     }
@@ -274,12 +276,12 @@ pub(super) trait Remote: Send + Sync {
     /// Visits every fixed body in id order.
     fn for_each_fixed(&self, _look: &mut dyn FnMut(BodyId, &WorldPose)) {}
 
-    /// Returns all joints, where they are known.
+    /// Returns all joints that this role knows.
     fn joints(&self) -> Vec<JointRecord> {
         Vec::new()
     }
 
-    /// Returns how the world is cut, as far as known; `None` for a node.
+    /// Returns the distribution tree, as far as it is known; `None` for a node.
     fn tree(&self) -> Option<DistributionTree> {
         None
     }
@@ -316,7 +318,7 @@ pub(super) trait Remote: Send + Sync {
         Vec::new()
     }
 
-    /// Returns the number of state messages received.
+    /// Returns the number of messages with states of bodies received.
     fn updates(&self) -> u64 {
         0
     }
@@ -326,20 +328,20 @@ pub(super) trait Remote: Send + Sync {
         None
     }
 
-    /// Returns the address at which it listens.
+    /// Returns the address at which the process listens.
     #[cfg(feature = "net")]
     fn address(&self) -> Option<std::net::SocketAddr> {
         None
     }
 
-    /// Returns the address at which it tells of itself.
+    /// Returns the address of the metrics endpoint.
     #[cfg(feature = "net")]
     fn metrics_address(&self) -> Option<std::net::SocketAddr> {
         None
     }
 }
 
-/// Returns an error if a body is not known to be a vehicle.
+/// Returns an error unless `known` is the record of a vehicle.
 #[cfg(feature = "net")]
 pub(super) fn check_vehicle(id: BodyId, known: Option<&BodyRecord>) -> Result<(), Error> {
     match known {

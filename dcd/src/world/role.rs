@@ -1,4 +1,4 @@
-//! Defines the roles of a process in a world, and the error for what a role cannot do.
+//! Defines the roles of a process in a world, and the error for what a role does not support.
 
 use std::fmt;
 
@@ -6,17 +6,17 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Role {
-    /// It computes the whole world.
+    /// The process computes the whole world.
     Local,
-    /// It plays in a world that others compute, with avatars of its own.
+    /// The process takes part in a world that others compute, with avatars of its own.
     Client,
-    /// It plays in a world as a client does, and may change what is the world's own, as its server's program does.
+    /// The process is a client that may also change what is the world's own, as the server's program may.
     Builder,
-    /// It plays in a world and computes regions of it.
+    /// The process is a client that also computes regions of the world.
     Participant,
-    /// It serves a world: it decides which node computes which region, and admits processes.
+    /// The process serves a world: it decides which node computes which region, and admits processes.
     Server,
-    /// It computes regions of a world for others.
+    /// The process computes regions of a world for others.
     Node,
 }
 
@@ -33,29 +33,30 @@ impl fmt::Display for Role {
     }
 }
 
-/// The error that a role cannot do what was asked of it.
+/// The error that the role of a process does not support a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a {role} cannot {what}: {instead}")]
 pub struct Unsupported {
-    /// The role that cannot do it.
+    /// The role of the process.
     pub role: Role,
-    /// What it cannot do, after "cannot".
+    /// What the role cannot do, as a phrase that follows "cannot".
     pub what: &'static str,
-    /// What to do instead.
+    /// The remedy.
     pub instead: Instead,
 }
 
-/// The remedy for what a role cannot do. Its text names methods of [`World`](super::World); the C API names its own.
+/// The remedy for a call that a role does not support. Its text names methods of [`World`](super::World); the
+/// C API names its own functions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Instead {
     /// Compute the world in one process.
     ComputeAlone,
-    /// Join as a client: a server or a node shows nothing of its world.
+    /// Join as a client, since a server or a node shows nothing of its world.
     JoinAsClient,
     /// Serve the local world.
     Serve,
-    /// Make the local world to be copied anew.
+    /// Make the local world anew that is to be copied.
     MakeSourceAnew,
     /// Move avatars.
     DriveAvatars,
@@ -63,45 +64,45 @@ pub enum Instead {
     PushByAvatars,
     /// Push what a submitted query finds.
     PushFound,
-    /// Make avatars of one's own.
+    /// Use this process's own avatars.
     MakeAvatars,
-    /// Give an avatar its colliders at birth.
+    /// Give an avatar its colliders on insertion, and other bodies theirs in the scene.
     ShapeAtBirth,
-    /// Leave thresholds of sleep as they are.
+    /// Leave the thresholds of sleep at Rapier's defaults.
     UsualSleep,
-    /// Give the scene the fixed body, or make a kinematic one.
+    /// Put the fixed body into the scene, make a kinematic one, or join as a builder.
     FixedInScene,
     /// Make a velocity-based kinematic avatar.
     KinematicByVelocity,
-    /// Give the scene the joints.
+    /// Put the joints into the scene, or have the server's program or a builder make them.
     JointsInScene,
     /// Tie bodies in the step in which they are inserted.
     TieAtBirth,
-    /// Set the velocity of a body that forces do not move.
+    /// Set the velocity, since forces move dynamic bodies only.
     SetVelocity,
-    /// Insert a body anew as and where it is to be.
+    /// Remove the body and insert it as and where it is to be.
     InsertAnew,
-    /// Move a body by the methods that do so.
+    /// Move the body by `set_pose`, `set_velocity` or `push`.
     MoveByName,
     /// Rely on the server's data folder.
     ServerKeeps,
-    /// Record nodes from their beginning.
+    /// Record the nodes, each from its beginning.
     RecordNodes,
     /// Compare local worlds.
     CompareLocal,
-    /// Listen to contact events.
+    /// Read contact events.
     HearTouches,
-    /// Give the server the settings with its scene.
+    /// Give the settings to the server when it is made.
     SettingsAtBirth,
-    /// Look at a local world of the same cut and coupling.
+    /// Ask a local world of the same cut and coupling.
     LookLocal,
-    /// Submit the question.
+    /// Submit the query.
     SubmitQuery,
-    /// Ask who runs the server for a token.
+    /// Ask the operator of the server for a token.
     AskServer,
     /// Ask a server or a node.
     AskListener,
-    /// Say what is of interest.
+    /// Set an area of interest.
     SayInterest,
 }
 

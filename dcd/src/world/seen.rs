@@ -1,4 +1,4 @@
-//! Shows the author of a client that may build what the client has heard of the world.
+//! Shows a builder's author (`author::Author`) what its client has heard of the world.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord, ShapeHash,
 use crate::runtime::ClientWorld;
 use crate::space::{BodyId, DistributionTree, JointId};
 
-/// What was heard of the world up to the last step.
+/// What a client has heard of the world up to its last step.
 pub(super) struct Seen<'a> {
     pub bodies: &'a BTreeMap<BodyId, Heard>,
     pub world: &'a ClientWorld,

@@ -1,8 +1,8 @@
-//! Implements a client's or participant's view of a served world: the states received up to the last step, and the inputs made
-//! since.
+//! Implements [`World`](super::World) for clients, builders and participants: the states received up to the
+//! last step, and the inputs made since.
 //!
-//! Between two steps only the caller changes anything, as in a local world: each step copies what the client received since the one
-//! before, and sends the inputs of avatars, and what is to be built.
+//! Between two steps only the caller changes anything, as in a local world. Each step copies what the client
+//! received since the last one, and sends the inputs of avatars and what a builder did.
 
 mod avatars;
 mod inputs;
@@ -36,35 +36,35 @@ use crate::protocol::{
 use crate::runtime::{ClientWorld, Presence, ProcessError, Stats, WorldError};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
-/// A client's or participant's world.
+/// The world of a client, builder or participant.
 pub(super) struct Served {
     world: ClientWorld,
     network: Network,
-    /// What it does to what is the world's own, if it may.
+    /// What a builder does to what is the world's own; `None` for other clients.
     author: Option<Author>,
-    /// How often another world came in place of the one before.
+    /// How often the world was replaced by another.
     replacements: u64,
     environment: EnvironmentProperties,
-    /// Bodies as received up to the last step.
+    /// The bodies as received up to the last step.
     bodies: BTreeMap<BodyId, Heard>,
-    /// Avatars that were inserted here and have not appeared in the world yet.
+    /// Avatars that were inserted here and are not in the world yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
-    /// Inputs of avatars since the last step.
+    /// The inputs of avatars since the last step.
     inputs: BTreeMap<BodyId, PendingInput>,
-    /// The newest velocity set on each kinematic avatar; the world reports it back some ticks later.
+    /// The newest velocity set on each kinematic avatar, which the world reports back some ticks later.
     driven: BTreeMap<BodyId, Velocity>,
     /// Avatars that were removed here and are still in the world, with their user data.
     leaving: BTreeMap<BodyId, u128>,
-    /// Bodies that were removed: contacts that end name them.
+    /// Bodies that were removed: ends of contacts still name them.
     departed: Departed,
     events: WorldEvents,
     handovers: Vec<Handover>,
     changes: Vec<BodyChange>,
-    /// How many queries were submitted.
+    /// The number of queries submitted.
     questions: u64,
     tick: Tick,
     last_step: Duration,
-    /// Why the world is lost, said by every later step.
+    /// Why the world is lost; every later step returns this error.
     lost: Option<ProcessError>,
 }
 
@@ -100,7 +100,7 @@ impl Served {
         Ok(served)
     }
 
-    /// Returns an error if the link to the world is lost: nothing can be asked of it then.
+    /// Returns an error if the link to the world is lost, so that nothing can be asked of it.
     fn check_link(&self) -> Result<(), Error> {
         match &self.lost {
             None => Ok(()),
@@ -110,7 +110,7 @@ impl Served {
     }
 
     fn listen(&mut self) {
-        // Regions of a served world follow its load.
+        // The regions of a served world may follow its load.
         if let Some(tree) = self.world.tree() {
             self.environment.tree = tree;
         }
@@ -121,7 +121,7 @@ impl Served {
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
         self.departed.trim();
-        // What is no longer on its way out is looked at, though nothing was told of it.
+        // Bodies to copy anew although nothing was told of them, since they are not leaving any more.
         let mut again = BTreeSet::new();
         for change in &heard.changes {
             let &Presence::Disappeared(id) = change else { continue };
@@ -130,13 +130,14 @@ impl Served {
             again.extend(self.leaving.remove(&id).map(|_| id));
             self.driven.remove(&id);
         }
-        // Who is to be destroyed is refused for these; inputs of before for others, too.
+        // These are the reasons for which a removal is refused. Inputs made before it are refused for other
+        // reasons, too.
         for (id, why) in &heard.refusals {
             if let (Some(id), Refusal::NotYours | Refusal::Unknown) = (id, why) {
                 again.extend(self.leaving.remove(id).map(|_| *id));
             }
         }
-        // Before the bodies: what comes in between is of a later tick.
+        // The tick is read before the bodies, since what arrives in between is of a later tick.
         self.tick = self.tick.max(self.world.tick());
         let (bodies, leaving) = (&mut self.bodies, &self.leaving);
         let copied = self
@@ -158,7 +159,7 @@ impl Served {
         }));
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
-            // An avatar gets no other input before it is in the world.
+            // An avatar gets no other input before it is in the world: the refused input was its insertion.
             if let Some(id) = body.filter(|id| self.awaited.remove(id).is_some()) {
                 self.inputs.remove(&id);
             }
@@ -171,7 +172,8 @@ impl Served {
         Seen { bodies: &self.bodies, world: &self.world, environment: &self.environment }
     }
 
-    /// Returns who changes what is the world's own, or why it is not changed: the client may not build, or a body is an avatar.
+    /// Returns the author that changes what is the world's own, and what it has heard; or an error if this
+    /// client may not build, or the body is an avatar.
     fn builder(
         &mut self,
         id: Option<BodyId>,
@@ -189,7 +191,7 @@ impl Served {
         }
     }
 
-    /// Returns an error unless the client may build.
+    /// Returns an error unless this client is a builder.
     fn builds(&self, what: &'static str, instead: Instead) -> Result<(), Error> {
         if self.author.is_some() { Ok(()) } else { Err(self.unsupported(what, instead)) }
     }
@@ -208,7 +210,8 @@ impl Served {
         self.bodies.get(&id)
     }
 
-    /// Returns a body as last received, or, if it is awaited, as inserted; one that it may change as it is to be.
+    /// Returns a body as last received, or as inserted if it is not in the world yet. A body that a builder
+    /// may change is returned as it will be after the changes.
     fn known(&self, id: BodyId) -> Option<Cow<'_, BodyRecord>> {
         match &self.author {
             Some(author) if id.client().is_none() => author.known(&self.seen(), id).map(Cow::Owned),
@@ -223,7 +226,7 @@ impl Served {
         !self.author.as_ref().is_some_and(|author| author.is_leaving(heard.body.id))
     }
 
-    /// Returns the owner of a body; until it is known, the region that the body lies in.
+    /// Returns the owner of a body, or the region in which the body lies until the owner is known.
     fn owner_of(&self, heard: &Heard) -> RegionId {
         heard.owner.unwrap_or_else(|| self.environment.tree.leaf_at(heard.body.state.pose.translation))
     }
@@ -285,7 +288,7 @@ impl Remote for Served {
     fn step(&mut self) -> Result<(), Error> {
         let start = Instant::now();
         if self.lost.is_none() {
-            // Whatever ended it, what its user must know is that the world goes on without us.
+            // Whatever ended the link, the user needs to know that the world goes on without this process.
             let sent = self.world.check().and_then(|()| self.send_inputs()).and_then(|()| self.send_built());
             self.lost = sent.err();
         }
@@ -310,7 +313,8 @@ impl Remote for Served {
         colliders: &[ColliderBuilder],
         controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
-        // What walks or drives is an avatar, as that of any client; whatever else a builder inserts is the world's.
+        // Characters and vehicles are avatars, as those of any client. All else that a builder inserts is the
+        // world's own.
         if controller.is_none() && self.author.is_some() {
             let (author, _) = self.builder(None, "make bodies", Instead::MakeAvatars)?;
             return author.insert(pose, body, colliders, None);
@@ -327,7 +331,7 @@ impl Remote for Served {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<(), Error> {
-        // What is built is told with the next step, and can be taken back.
+        // What a builder inserts is sent with the next step, and can be taken back before.
         match self.author {
             Some(_) => Ok(()),
             None => self.next_avatar(pose, body, colliders, None).map(drop),
@@ -508,7 +512,7 @@ impl Remote for Served {
 
     fn view_time(&mut self) -> ViewTime {
         let tick = self.tick.0 as f64;
-        // Before anything is heard, it is as far behind as it will be at first.
+        // Before anything is heard, the shown tick is as far behind as it will be at first.
         let behind = 0.1 / f64::from(self.dt_s()).max(1e-6);
         self.world.view_time().unwrap_or_else(|| ViewTime::new(tick, (tick - behind).max(0.0)))
     }
@@ -554,7 +558,7 @@ impl Remote for Served {
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
         let known = self.known(id).map(|body| body.user_data);
-        // A builder's own author knows no more of what it has removed.
+        // A builder's author does not know bodies that it has removed.
         let heard = || self.heard(id).map(|heard| heard.body.user_data);
         known.or_else(|| self.leaving.get(&id).copied()).or_else(heard).or_else(|| self.departed.get(id))
     }
@@ -592,7 +596,7 @@ impl Remote for Served {
     }
 
     fn forget(&mut self, number: u64) {
-        // If the process has ended, there is nothing to forget.
+        // If the process has ended, there is nothing to cancel.
         let _ = self.world.forget(number);
     }
 

@@ -1,4 +1,5 @@
-//! Reads what the bodies of a world look like, in every role: which there are, their shapes, how large and heavy they are.
+//! Reads what the bodies of a world look like, in every role: which bodies there are, their shapes, size and
+//! mass.
 
 use std::sync::{MutexGuard, PoisonError};
 
@@ -9,13 +10,13 @@ use crate::physics::{BodyExtent, ColliderId, ShapeLibrary};
 use crate::protocol::ShapeHash;
 use crate::space::BodyId;
 
-/// The most shapes that are kept built of a world that others compute.
+/// The most built shapes kept of a world that others compute; above it, all are dropped and built anew.
 const MOST_BUILT: usize = 4096;
 
-/// Looks of bodies.
+/// Shapes and extents of bodies.
 impl World {
-    /// Returns all bodies, fixed ones too, in id order; in a served world those that this process has heard of, and none for a
-    /// node, which shows nothing of its world.
+    /// Returns the ids of all bodies, fixed ones too, in order. In a served world these are the bodies that
+    /// this process has heard of; a node returns none.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -43,7 +44,7 @@ impl World {
             Inner::Remote(world) => {
                 let mut all: Vec<_> = world.movable_bodies().map(|body| body.id).collect();
                 world.for_each_fixed(&mut |id, _| all.push(id));
-                // Those on their way, too.
+                // Avatars on their way into the world, too.
                 all.extend(world.own_avatars().into_iter().filter(|&id| world.contains(id)));
                 all
             }
@@ -53,8 +54,8 @@ impl World {
         all
     }
 
-    /// Returns the shape of a collider of any body; `None` where it is not known. A [`BodyId`] stands for the body's first collider.
-    /// Where the collider sits on its body is in [`World::record`].
+    /// Returns the shape of a collider of a body; `None` if this process does not know it. A [`BodyId`]
+    /// stands for the body's first collider. [`World::record`] says where the collider sits on its body.
     #[must_use]
     pub fn shape(&self, collider: impl Into<ColliderId>) -> Option<SharedShape> {
         let ColliderId { body, index } = collider.into();
@@ -65,8 +66,8 @@ impl World {
         }
     }
 
-    /// Returns how large and heavy a body is: its box, mass, centre of mass and inertia; `None` where it is not known. It follows
-    /// from its shapes and its record, so that a client has it too.
+    /// Returns the box, mass, centre of mass and inertia of a body; `None` if this process does not know the
+    /// body. They follow from the body's shapes and record, so that a client has them too.
     #[must_use]
     pub fn extent(&self, id: BodyId) -> Option<BodyExtent> {
         let known = self.record(id)?;
@@ -79,7 +80,8 @@ impl World {
         }
     }
 
-    /// Builds shapes of a world that others compute, and returns all that are built; `None` if one is not known.
+    /// Builds shapes of a world that others compute, and returns all built shapes; `None` if a shape is not
+    /// known.
     fn built(&self, hashes: impl IntoIterator<Item = ShapeHash>) -> Option<MutexGuard<'_, ShapeLibrary>> {
         let world = self.remote()?;
         // Each shape is added whole or not at all.

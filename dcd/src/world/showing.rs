@@ -1,4 +1,4 @@
-//! Shows a world between its steps: which ticks to show now, and how bodies are at any of them.
+//! Shows a world between its steps: which ticks to show now, and where bodies are at any tick.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -13,16 +13,16 @@ use crate::protocol::{Velocity, WorldPose};
 use crate::runtime::LocalWorld;
 use crate::space::BodyId;
 
-/// What a local world keeps to be shown: how bodies were before the last step.
+/// The motion of bodies before the last step of a local world, kept to show the world between steps.
 #[derive(Default)]
 pub(super) struct LastStep {
-    /// When it was; `None`: nobody asked for a time to show, and nothing is kept.
+    /// The time of the last step; `None` until someone asks for a time to show, and then nothing is kept.
     stepped: Option<Instant>,
     before: HashMap<BodyId, Motion>,
 }
 
 impl LastStep {
-    /// Keeps how the bodies that move are before a step.
+    /// Keeps the motion of the awake bodies before a step.
     pub(super) fn keep(&mut self, world: &LocalWorld) {
         if self.stepped.is_none() {
             return;
@@ -37,7 +37,7 @@ impl LastStep {
         self.stepped = Some(Instant::now());
     }
 
-    /// Forgets the last step, since the world is as it was at another time: it is shown as it is until the next.
+    /// Forgets the last step, since the world went back in time. It is shown as it is until the next step.
     pub(super) fn go_back(&mut self) {
         self.before.clear();
         self.stepped = self.stepped.map(|_| Instant::now());
@@ -64,14 +64,17 @@ impl LastStep {
     }
 }
 
-/// What is shown between steps.
+/// What to show between steps.
 impl World {
-    /// Returns the ticks to show now. Call it once per frame.
+    /// Returns the ticks to show now: fractions are times between two ticks. Call it once per frame.
     ///
-    /// In a served world states come some times per second, late, unevenly, and not all of them: [`ViewTime::shown`] is as little
-    /// behind the world as that allows, and goes forward evenly; [`ViewTime::now`] is where the world is. From the first call on a
-    /// client pings the node that tells it of the world, and keeps what states it was told. In a local world `shown` goes from one
-    /// step to the next as time goes by since the last [`World::step`], and steps keep how awake bodies were before (some 50 ns each).
+    /// In a served world some states arrive per second: late, at uneven intervals, and not all of them.
+    /// [`ViewTime::shown`] lags behind the world as little as that allows, and advances evenly;
+    /// [`ViewTime::now`] is the tick of the world itself. From the first call on, a client pings the node
+    /// that tells it of the world, and keeps the states that it receives.
+    ///
+    /// In a local world `shown` goes from one step to the next as time passes since the last [`World::step`].
+    /// From the first call on, steps keep the motion of awake bodies (some 50 ns each).
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -94,12 +97,15 @@ impl World {
         }
     }
 
-    /// Returns how a body is shown at a tick, or between two: where it is, and how it moves. `None` if it is not in the world.
+    /// Returns the pose and velocity with which to show a body at a tick, or between two; `None` if the body
+    /// is not in the world.
     ///
-    /// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact;
-    /// rotations follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a
-    /// later state contradicts what was shown at the last [`World::view_time`], the difference melts away within 0.2 s, and 0.1 s more
-    /// per metre (above 3 m it jumps). Before [`World::view_time`] was first called, and for a server, it is [`World::motion`].
+    /// - Between known states positions follow cubic Hermite splines, or two straight lines where the
+    ///   velocities indicate an impact. Rotations follow SLERP.
+    /// - Beyond the last state the body moves on, and comes to a stop within a quarter of a second.
+    /// - Where a later state contradicts what was shown at the last [`World::view_time`], the difference
+    ///   fades out within 0.2 s, and 0.1 s more per metre. Above 3 m it jumps.
+    /// - Before the first [`World::view_time`], and for a server, the result is that of [`World::motion`].
     #[must_use]
     pub fn motion_at(&self, body: BodyId, tick: f64) -> Option<(WorldPose, Velocity)> {
         let shown = match &self.inner {
@@ -112,13 +118,19 @@ impl World {
         Some((shown.pose, shown.velocity))
     }
 
-    /// Sets whether a client shows its own avatars, and what they touch, ahead of the world, so that they answer at once; it does at first.
+    /// Sets whether a client predicts its own avatars and what they touch, so that they answer to inputs at
+    /// once (client-side prediction). It does at first. A local world ignores the call; a server or node
+    /// returns an error.
     ///
-    /// Once [`World::view_time`] was called, a client keeps a small world of what is within some metres of its avatars. What it asks of them
-    /// acts there in the same frame, and names the tick for which it is meant ([`ViewTime::predicted`]), so that nodes do it in just that
-    /// one. Where states that come are not as predicted, what follows is computed again, and the difference melts away; so do the
-    /// bounds of [`World::motion_at`] hold. At most 64 bodies are predicted, with what joints tie to them, for at most a second and a half; assemblies
-    /// with multibodies are not, nor is anything in a world whose ticks are not paced. A local world has nothing to predict.
+    /// From the first [`World::view_time`] on, a client keeps a small world of what is within some metres of
+    /// its avatars. An input acts there in the same frame. It names the tick for which it is meant
+    /// ([`ViewTime::predicted`]), and nodes apply it in exactly that tick. Where states arrive that differ
+    /// from the prediction, the client computes the ticks since again, and the difference fades out within
+    /// the bounds of [`World::motion_at`].
+    ///
+    /// At most 64 bodies are predicted, with the bodies that joints tie to them, for at most a second and a
+    /// half. Assemblies with multibodies are not predicted, nor is anything in a world whose ticks are not
+    /// paced.
     pub fn set_prediction(&mut self, predicts: bool) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(()),
@@ -126,7 +138,7 @@ impl World {
         }
     }
 
-    /// Returns what a client predicts, and how often it was wrong; `None` where nothing is predicted.
+    /// Returns how much a client predicts, and how often it was wrong; `None` where nothing is predicted.
     #[cfg(feature = "net")]
     #[must_use]
     pub fn prediction(&self) -> Option<Prediction> {
@@ -136,8 +148,9 @@ impl World {
         }
     }
 
-    /// Returns [`World::movable_bodies`] as they are shown: own avatars, with what they touch, at [`ViewTime::predicted`], all others at
-    /// [`ViewTime::shown`]. What comes near goes from the one to the other within a second.
+    /// Returns [`World::movable_bodies`] as they are to be shown: own avatars and what they touch at
+    /// [`ViewTime::predicted`], all others at [`ViewTime::shown`]. A body that comes near goes over from one
+    /// to the other within a second.
     #[must_use]
     pub fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
         let world = match &self.inner {

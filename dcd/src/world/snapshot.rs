@@ -1,4 +1,4 @@
-//! Saves a local world, or a served one, to a snapshot file and restores it.
+//! Saves a local or served world to a snapshot, and restores worlds from snapshots.
 
 use std::io::{Read, Write};
 use std::path::Path;
@@ -6,9 +6,9 @@ use std::path::Path;
 use super::{Error, Inner, World};
 use crate::runtime::LocalWorld;
 
-/// Snapshots of local worlds, and of served ones by their server.
+/// Snapshots of local worlds, and of served worlds by their server.
 impl World {
-    /// Returns an error if this process cannot save and load its world.
+    /// Returns an error if this role cannot save and load its world.
     #[doc(hidden)]
     pub fn can_be_saved(&self) -> Result<(), Error> {
         match &self.inner {
@@ -17,11 +17,14 @@ impl World {
         }
     }
 
-    /// Writes the whole world: [`World::restore`] gives one that goes on from here to the same bits. The number of threads is not
-    /// part of it. It is written in blocks of a mebibyte; nothing larger is kept in memory.
+    /// Writes a snapshot of the whole world. [`World::restore`] makes a world from it that goes on with
+    /// bit-identical results. The number of threads is not part of a snapshot. It is written in blocks of 1
+    /// MiB; nothing larger is kept in memory.
     ///
-    /// A server writes the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too,
-    /// without what Rapier remembers of contacts. What its program did since its last step is not in it. It waits for half a minute at most.
+    /// A server writes its world as it is after one tick, for which the nodes stop for some ticks. The
+    /// snapshot is one of a local world, with avatars, but without what Rapier remembers of contacts, and
+    /// without what the program did since its last step. The call waits for half a minute at most. Clients
+    /// and nodes return an error.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -42,8 +45,9 @@ impl World {
         }
     }
 
-    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one. A symbolic link
-    /// stays, and the file that it leads to is replaced; devices, pipes and folders are refused.
+    /// Writes a snapshot to a file, as by [`World::save`]. It is written beside its place first, so that a
+    /// partial file never replaces a whole one. A symbolic link stays, and the file to which it leads is
+    /// replaced. Devices, pipes and folders are refused.
     pub fn save_file(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         match &self.inner {
             Inner::Local(world) => Ok(world.save_file(path.as_ref())?),
@@ -51,24 +55,27 @@ impl World {
         }
     }
 
-    /// Reads a world that [`World::save`] wrote, up to the end of `from`, to be stepped by `threads` threads.
+    /// Makes a local world from a snapshot that [`World::save`] wrote, read up to the end of `from`, to be
+    /// stepped by `threads` threads.
     ///
-    /// Damage of any kind is an error. There is no guard against malice: restore no snapshot of people whom you do not trust.
+    /// Damage of any kind is an error. There is no protection against malicious snapshots: restore none from
+    /// people whom you do not trust.
     pub fn restore(from: impl Read, threads: usize) -> Result<Self, Error> {
         Ok(LocalWorld::restore(from, threads)?.into())
     }
 
-    /// Reads a world that [`World::save_file`] wrote.
+    /// Makes a local world from a file that [`World::save_file`] wrote, as by [`World::restore`].
     pub fn restore_file(path: impl AsRef<Path>, threads: usize) -> Result<Self, Error> {
         Self::restore(LocalWorld::open_snapshot(path.as_ref())?, threads)
     }
 
-    /// Replaces this world by one that [`World::save`] wrote, earlier or later, and keeps the threads and hooks of this one. Ids
-    /// that this world has given are not given again. After an error nothing has changed.
+    /// Replaces this world by a snapshot that [`World::save`] wrote, of an earlier or later time, and keeps
+    /// this world's threads and hooks. Ids that this world has given are not given again. After an error
+    /// nothing has changed.
     ///
-    /// A server's world goes on with the bodies and joints of the saved one, for all nodes and clients, and its ticks go on; what its
-    /// program did since its last step is dropped. Avatars are their clients': those that are in both go where they were,
-    /// and none comes or goes.
+    /// A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients, and
+    /// its ticks go on. What the program did since its last step is dropped. Avatars belong to their clients:
+    /// those that are in both worlds go where they were, and none comes or goes.
     pub fn reload(&mut self, from: impl Read) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => {
@@ -83,7 +90,7 @@ impl World {
         }
     }
 
-    /// Replaces this world by one that [`World::save_file`] wrote, as [`World::reload`].
+    /// Replaces this world by a snapshot file that [`World::save_file`] wrote, as by [`World::reload`].
     pub fn reload_file(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         self.can_be_saved()?;
         self.reload(LocalWorld::open_snapshot(path.as_ref())?)

@@ -1,4 +1,5 @@
-//! Defines the types in which a `World` reports bodies, their owners, regions, and, in served worlds, changes of bodies.
+//! Defines the types by which a `World` reports bodies, their owners and regions, and, in served worlds,
+//! changes of bodies.
 
 use crate::playback::Motion;
 use crate::protocol::{BodyKind, Refusal, Velocity, WorldPose};
@@ -8,22 +9,23 @@ use crate::space::{BodyId, Cell, NodeId, RegionId};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Body {
-    /// Where it is, in world space.
+    /// The pose in world space.
     pub pose: WorldPose,
-    /// How it moves, m/s and rad/s.
+    /// The velocity, m/s and rad/s.
     pub velocity: Velocity,
-    /// How it is moved: dynamic, kinematic or fixed.
+    /// The kind of body: dynamic, kinematic or fixed.
     pub kind: BodyKind,
-    /// Whether it sleeps.
+    /// Whether the body sleeps.
     pub sleeping: bool,
-    /// Its mass, kilograms: 0 for a fixed body, `None` where it is not known, as in a served world.
+    /// The mass, kilograms: 0 for a fixed body, `None` where it is not known, as in a served world.
     pub mass_kg: Option<f32>,
-    /// The number that its user gave it.
+    /// The number that the user gave to the body.
     pub user_data: u128,
-    /// The region that owns it; `None` for a fixed body.
+    /// The region that owns the body; `None` for a fixed body, an avatar that is not in the world yet, and on
+    /// a server.
     pub owner: Option<RegionId>,
-    /// Whether it lies outside a client's area of interest ([`World::set_interest`](super::World::set_interest)): then its state
-    /// is the last received.
+    /// Whether the body lies outside the client's area of interest
+    /// ([`World::set_interest`](super::World::set_interest)). Its state is then the last one received.
     pub outside: bool,
 }
 
@@ -33,15 +35,15 @@ pub struct Body {
 pub struct MovableBody {
     /// The id of the body.
     pub id: BodyId,
-    /// The region that owns it.
+    /// The region that owns the body; on a server, the region in which the body lies.
     pub region: RegionId,
-    /// Where it is, in world space.
+    /// The pose in world space.
     pub pose: WorldPose,
-    /// How it moves, m/s and rad/s.
+    /// The velocity, m/s and rad/s.
     pub velocity: Velocity,
-    /// The number that its user gave it.
+    /// The number that the user gave to the body.
     pub user_data: u128,
-    /// Whether it sleeps.
+    /// Whether the body sleeps.
     pub sleeping: bool,
     /// Same as [`Body::outside`].
     pub outside: bool,
@@ -57,17 +59,17 @@ impl MovableBody {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Owner {
-    /// The region that owns it; `None` for a fixed body.
+    /// The region that owns the body; `None` for a fixed body, or where owners are not known.
     pub region: Option<RegionId>,
-    /// The node that computes the region, as far as known; `None` in a local world.
+    /// The node that computes the region, as far as it is known; `None` in a local world.
     pub node: Option<NodeId>,
-    /// Whether its owner is not known yet: then the region is the one that the body lies in.
+    /// Whether the owner is not known yet: `region` is then the one in which the body lies.
     pub by_place: bool,
-    /// How many regions hold a copy of it; 0 where that is not known.
+    /// The number of regions that hold a copy of the body; 0 where it is not known.
     pub holders: usize,
     /// Whether this process computes the region.
     pub here: bool,
-    /// Whether the state of the body was received from other processes.
+    /// Whether this process receives the state of the body from other processes.
     pub heard: bool,
 }
 
@@ -77,13 +79,13 @@ pub struct Owner {
 pub struct RegionInfo {
     /// The id of the region.
     pub id: RegionId,
-    /// The node that computes it; `None` where one process computes all, and where it is not known.
+    /// The node that computes the region; `None` in a local world, and where it is not known.
     pub node: Option<NodeId>,
-    /// Bodies that it owns.
+    /// The number of bodies that the region owns.
     pub owned: usize,
-    /// Copies of other regions' bodies (replicas) that it holds; 0 where that is not known.
+    /// The number of ghosts (copies of other regions' bodies) that the region holds; 0 where it is not known.
     pub replicas: usize,
-    /// The box of space that is its own, metres; outer regions reach to infinity.
+    /// The region's cell, a box in metres. Cells at the edge of the world reach to infinity.
     pub cell: Cell,
 }
 
@@ -91,17 +93,17 @@ pub struct RegionInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum BodyChange {
-    /// It is in the world now.
+    /// The body is in the world now.
     Appeared(BodyId),
-    /// It is gone.
+    /// The body is no longer in the world.
     Removed(BodyId),
-    /// An input was refused. An avatar that has not appeared never will.
+    /// The server refused an input. If the avatar has not appeared yet, it never will.
     Refused {
-        /// Which avatar; `None` when it concerns none.
+        /// The avatar or body; `None` if the input concerns none.
         body: Option<BodyId>,
-        /// Why.
+        /// The reason.
         why: Refusal,
-        /// The avatar's user data, since it may be gone.
+        /// The user data of the avatar or body, since it may be gone; 0 if they are not known.
         user_data: u128,
     },
 }

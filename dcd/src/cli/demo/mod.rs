@@ -23,15 +23,15 @@ use crate::scene::{AvatarHint, Params, Scene};
 
 /// The longest time for a step that takes a second or two, on a busy machine.
 const STEP: Duration = Duration::from_secs(30);
-/// Interval at which Ctrl-C is looked for.
+/// The interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(20);
-/// Time without a server after one was killed: nodes take a second to miss it.
+/// The time without a server after one was killed: nodes take a second to miss it.
 const DOWN: Duration = Duration::from_millis(1500);
 
 /// Shows a world that several processes compute and that a C program plays in
 ///
-/// Starts a server and nodes as processes of their own, builds examples-c/join.c against the C library, lets it drive an
-/// avatar through the world, and tells what happened. Needs a C compiler and dcd's sources.
+/// Starts a server and nodes as processes of their own, builds examples-c/join.c against the C library, lets
+/// it drive an avatar through the world, and tells what happened. Needs a C compiler and dcd's sources.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -50,7 +50,7 @@ pub(super) struct Demo {
     /// A shipped scene file by its name, a scene file, or a scene of the library
     #[arg(long, value_name = "FILE|NAME", default_value = "playground")]
     scene: String,
-    /// Kill one of the nodes half-way (needs two at least): the others take its regions over
+    /// Kill one of the nodes half-way (needs two at least): the others take over its regions
     #[arg(long)]
     kill: bool,
     /// Kill the server after a third of the time, and start it again soon after: the nodes compute on meanwhile
@@ -194,7 +194,7 @@ impl Show<'_> {
         Ok((server, line.trim_start_matches("listening ").to_owned()))
     }
 
-    /// Waits, but not if the user asked for the end.
+    /// Waits until a time; fails if the user asks for an end.
     fn wait_until(&self, due: Instant) -> Result<(), Failure> {
         while Instant::now() < due {
             if self.interrupt.asked() {
@@ -225,7 +225,7 @@ impl Show<'_> {
         Ok((server, Restart { after_s: after.as_secs_f64(), took_s, view }))
     }
 
-    /// Kills a node.
+    /// Kills a node, and waits until others have taken over its regions.
     fn kill(
         &self,
         nodes: &mut Vec<(String, Process)>,
@@ -267,8 +267,8 @@ impl Show<'_> {
     }
 }
 
-/// Returns where the avatar starts and goes: as the scene says, else along the ground through the middle; so slowly that it does
-/// not leave the world.
+/// Returns where the avatar starts and goes: as the scene says, else along the ground through the middle. It
+/// goes so slowly that it does not leave the world.
 fn avatar(scene: &Scene, time: Duration) -> AvatarHint {
     let (min, max) = (scene.bounds.min, scene.bounds.max);
     let mut hint = scene.avatar.unwrap_or_else(|| {

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt::Interrupt;
 
-/// Interval at which Ctrl-C is looked for.
+/// The interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
-/// Time that a child gets to end in order when its handle is dropped.
+/// The time that a child gets to end in order when its handle is dropped.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Lines of its standard error that are kept to explain a failure.
+/// The most lines of a child's standard error that are kept to explain a failure.
 const KEPT: usize = 30;
 
 /// The end of a child's standard error.
@@ -25,7 +25,7 @@ struct Errors {
     echoed: bool,
 }
 
-/// A running child. Its standard input stays open until it is to end.
+/// A running child process. Its standard input stays open until it is to end.
 pub(super) struct Process {
     name: String,
     child: Child,
@@ -35,7 +35,8 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// Starts it; `name` is for people. With `echo` its standard error is passed on line by line.
+    /// Starts a child. `name` is its name in messages. With `echo` its standard error is passed on line by
+    /// line.
     pub(super) fn start(name: impl Into<String>, command: &mut Command, echo: bool) -> Result<Self, Failure> {
         let name = name.into();
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -97,7 +98,8 @@ impl Process {
         }
     }
 
-    /// Waits until it ends by itself, and returns the lines of its standard output that were not asked for.
+    /// Waits until the child ends by itself. Returns the lines of its standard output that [`Process::line`]
+    /// did not read.
     pub(super) fn finish(
         mut self,
         limit: Duration,
@@ -119,7 +121,7 @@ impl Process {
         Ok((status, self.lines.try_iter().collect()))
     }
 
-    /// Waits as [`Process::finish`] does, but returns its failure as an error.
+    /// Waits as [`Process::finish`] does, but returns a failure of the child as an error.
     pub(super) fn succeed(self, limit: Duration, interrupt: Interrupt) -> Result<Vec<String>, Failure> {
         let (name, errors) = (self.name.clone(), self.errors.clone());
         match self.finish(limit, interrupt)? {
@@ -128,18 +130,18 @@ impl Process {
         }
     }
 
-    /// Asks it to end in order: it sees the end of its standard input.
+    /// Asks the child to end in order, by the end of its standard input.
     pub(super) fn end(&mut self) {
         self.child.stdin.take();
     }
 
-    /// Ends it at once, as a crash of its machine would.
+    /// Ends the child at once, as a crash of its machine would.
     pub(super) fn kill(mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 
-    /// Returns an error that says what it did not do, with its own last words.
+    /// Returns a failure that says what the child did not do, with the end of its standard error.
     pub(super) fn failed(&self, what: &str) -> Failure {
         explained(&self.name, what, &self.errors)
     }

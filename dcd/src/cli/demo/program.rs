@@ -9,7 +9,7 @@ use crate::cli::common::Common;
 use crate::cli::failure::Failure;
 use crate::cli::interrupt::Interrupt;
 
-/// The longest time of a first build on a slow machine.
+/// The longest time for a first build on a slow machine.
 const BUILD: Duration = Duration::from_secs(1800);
 const SOURCE: &str = "examples-c/join.c";
 
@@ -20,7 +20,8 @@ const SYSTEM_LIBRARIES: &[&str] = if cfg!(target_os = "linux") {
     &["-lm"]
 };
 
-/// Returns the folder of dcd's sources: the one that this binary was built from, else one around the current folder.
+/// Returns the folder of dcd's sources: the one from which this binary was built, else one around the current
+/// folder.
 pub(super) fn workspace() -> Result<PathBuf, Failure> {
     let is_it = |folder: &&Path| folder.join(SOURCE).is_file() && folder.join("include/dcd.h").is_file();
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
@@ -36,7 +37,7 @@ pub(super) fn workspace() -> Result<PathBuf, Failure> {
     })
 }
 
-/// Builds the C library, unless there is one, and the program against it.
+/// Builds the C library, unless one is given, and the program against it.
 pub(super) fn build(
     workspace: &Path,
     folder: &Path,
@@ -66,7 +67,8 @@ fn build_library(workspace: &Path, common: &Common, interrupt: Interrupt) -> Res
     // With `dcd` itself and its command line, so that features are those of the running binary and no dependency is built twice.
     building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib", "--features", "dcd/cli"]);
     building.args(["--message-format", "json-render-diagnostics"]);
-    // `cargo run` sets variables about the package it runs for its child; build scripts that depend on them would build anew.
+    // `cargo run` gives its child variables about the package that it runs. Build scripts that depend on them
+    // would run anew.
     for (name, _) in std::env::vars_os() {
         let told = name.to_str().is_some_and(|name| {
             ["CARGO_PKG_", "CARGO_MANIFEST_"].iter().any(|prefix| name.starts_with(prefix))

@@ -12,7 +12,7 @@ use crate::scene::AvatarHint;
 pub(super) struct Cast {
     pub address: String,
     pub scene: String,
-    /// The first membership, as the server put it.
+    /// The first membership, as the server printed it.
     pub view: String,
     pub hint: AvatarHint,
     pub nodes: u8,
@@ -25,7 +25,7 @@ pub(super) struct Takeover {
     pub killed: String,
     pub after_s: f64,
     pub took_s: f64,
-    /// The next membership, as the server put it.
+    /// The next membership, as the server printed it.
     pub view: String,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Takeover {
 pub(super) struct Restart {
     pub after_s: f64,
     pub took_s: f64,
-    /// The next membership, as the server put it.
+    /// The next membership, as the server printed it.
     pub view: String,
 }
 
@@ -125,7 +125,7 @@ impl Played {
     }
 }
 
-/// Tells the story, for people.
+/// Returns what happened, as text for people.
 pub(super) fn told(played: &Played) -> String {
     let Cast { address, scene, view, hint, nodes, takeover, restart } = &played.cast;
     let place = hint.pose.translation;

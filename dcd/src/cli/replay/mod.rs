@@ -21,7 +21,7 @@ use crate::recording::{Flip, Maker, RecordingError, Replay as Worlds, Who};
 use crate::runtime::open_recording;
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The ending of recordings' names.
+/// The file extension of recordings.
 pub(super) const RECORDING: &str = "dcdr";
 
 /// Computes a recorded world again, bit for bit, and finds where it parts from its recording
@@ -35,8 +35,9 @@ pub(super) const RECORDING: &str = "dcdr";
 ///   dcd node --token $(dcd token --role node) --record node.dcdr
 ///   dcd replay FOLDER --check --json     (all *.dcdr of a folder: the members of one cluster)
 ///
-/// Nodes are given what they were given, with its times, by one process as fast as it can. After each tick the digest of each region is
-/// compared with the recorded one: where a single bit of a body is otherwise, body and field are found too.
+/// One process gives each node again what it was given, with its times, as fast as it can. After each tick
+/// the digest of each region is compared with the recorded one. Where a single bit of a body differs, body
+/// and field are found too.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -58,14 +59,16 @@ pub(super) struct Replay {
     /// region
     #[arg(long, value_name = "TICK", conflicts_with_all = ["until", "json"], value_parser = clap::value_parser!(u64).range(1..))]
     dump: Option<u64>,
-    /// Flip a bit of a body after a tick on purpose, as 120:7 or 120:c2/b1, with :BIT for another than the lowest of linvel.x: 0, 64 and 128 are the lowest of x, y and z, 192 that of the rotation
+    /// Flip a bit of a body after a tick on purpose, as 120:7 or 120:c2/b1: the lowest of linvel.x or, with
+    /// :BIT, another. Bits 0, 64 and 128 are the lowest of x, y and z, 192 that of the rotation
     #[arg(long, value_name = "TICK:BODY", value_parser = flip)]
     flip: Option<Flip>,
     /// Threads that step a world [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Show the world in the browser, by a page at this address, which is printed on standard error: any free port of this machine if
-    /// none is given. The page goes to any tick, backwards too, steps, and pauses; with --check it pauses at the first difference
+    /// Show the world in the browser: serve a page at this address, or at any free port of this machine if
+    /// none is given, and print its URL on standard error. The page steps, pauses, and goes to any tick,
+    /// backwards too; with --check it pauses at the first difference
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address, conflicts_with_all = ["dump", "json", "gltf"])]
     view: Option<SocketAddr>,
     /// Print the result as one JSON object
@@ -151,7 +154,7 @@ impl Replay {
     }
 }
 
-/// Says which ticks are on record, where those that were asked for are not.
+/// Returns which ticks are on record, for a user who asked for others.
 fn extent(replay: &Worlds) -> String {
     match replay.next_tick().filter(|_| replay.ticks() == 0) {
         Some(first) => format!("the recording begins with tick {}; name one from that on", first.0),
@@ -182,7 +185,7 @@ pub(super) fn open(
         }
         let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", file.display()));
         let mut member = open_recording(&file, threads).map_err(fails)?;
-        // The replay begins with the first tick, to which the flip may be due.
+        // `Worlds::new` already computes the first tick, after which the flip may be due.
         flip.into_iter().for_each(|flip| member.flip(flip));
         if let Some(unlike) = member.maker().unlike(&here) {
             common.say(&format!("{}: {unlike}", file.display()));
@@ -195,7 +198,7 @@ pub(super) fn open(
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))
 }
 
-/// Returns the files, those of folders too.
+/// Returns the files, with those of folders in place of the folders.
 fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let fails = |path: &Path, error: std::io::Error| {
         Failure::usage(format!("cannot read {}: {error}; check the path", path.display()))
@@ -221,7 +224,7 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Returns a counter of ticks on standard error: nobody knows how many there are.
+/// Returns a counter of ticks on standard error, without an end: nobody knows how many ticks there are.
 pub(super) fn ticks(common: &Common, json: bool) -> ProgressBar {
     let bar = common.progress(0, "ticks", json);
     if bar.is_hidden() {

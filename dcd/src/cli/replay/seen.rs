@@ -15,7 +15,8 @@ use crate::runtime::{last_recorded_tick, replayed_regions};
 use crate::space::Tick;
 use crate::view::Due;
 
-/// Returns what is seen of a replay now; `None` where nothing is computed whose bodies have shapes.
+/// Returns the regions of a replay as they are now, to be drawn; `None` if nothing is computed whose bodies
+/// have shapes.
 fn hosts(replay: &Replay) -> Option<Hosts<'_>> {
     let members = replay.present_members();
     let regions = members.filter_map(|member| Some((member.who().node(), replayed_regions(member)?)));
@@ -26,12 +27,12 @@ fn hosts(replay: &Replay) -> Option<Hosts<'_>> {
 pub(super) struct Shown {
     pub(super) files: Vec<PathBuf>,
     pub(super) until: Tick,
-    /// Whether it pauses where it parts from the recording.
+    /// Whether the replay pauses where it parts from the recording.
     pub(super) check: bool,
 }
 
 impl Shown {
-    /// Shows a replay until the program is to end; `again` begins it anew, to go back.
+    /// Shows a replay until the program is to end. `again` begins the replay anew, to go back.
     pub(super) fn show(
         &self,
         at: SocketAddr,

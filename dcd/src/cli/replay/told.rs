@@ -1,10 +1,10 @@
-//! Tells what a replay has found, for people and for programs.
+//! Formats what a replay has found, for people and for programs.
 
 use serde::Serialize;
 
 use crate::recording::{FIELDS, Mismatch, Replay as Worlds, Who};
 
-/// Says for people what a replay has found.
+/// Returns what a replay has found, as text for people.
 pub(super) fn words(replay: &Worlds) -> String {
     let (ticks, matches) = (replay.ticks(), replay.matches());
     let Some(found) = replay.mismatch() else {
@@ -27,7 +27,7 @@ pub(super) fn words(replay: &Worlds) -> String {
     format!("{matches} digests are as recorded, up to tick {}: {place}{field}{values}{acted}", found.tick.0)
 }
 
-/// Returns where each body is, as lines of CSV.
+/// Returns the state of each body, as lines of CSV.
 pub(super) fn csv(replay: &Worlds) -> String {
     let mut lines = vec!["body,node,region,".to_owned() + &FIELDS.map(|(name, ..)| name).join(",")];
     for (body, (node, region, bits)) in replay.bodies() {

@@ -14,7 +14,8 @@ const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region";
 pub(super) struct Target(Draft);
 
 impl Target {
-    /// Checks that the file can be written: a long run is not to be lost to a wrong path. Its content stays until the run is over.
+    /// Checks that the file can be written, so that a wrong path does not cost a long run. Its content stays
+    /// until the run is over.
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
         Draft::check(path.clone()).map(Self).map_err(|error| Failure::usage(refused(&path, &error)))
     }

@@ -8,12 +8,12 @@ use crate::cli::common::Common;
 use crate::runtime::LocalWorld;
 use crate::runtime::measure::Subject;
 
-/// Time between two drawings.
+/// The time between two drawings.
 const PERIOD: Duration = Duration::from_millis(250);
 /// The most regions that have a line of their own.
 const MOST_LINES: usize = 12;
 
-/// A bar with a table below it; nothing without a person.
+/// A progress bar with a table below it; hidden unless a person looks on.
 pub(super) struct Live {
     bar: ProgressBar,
     /// When it was drawn last; the first step is shown at once.
@@ -37,7 +37,7 @@ impl Live {
         Self { bar, drawn: None, steps: 0, spent: Duration::ZERO, spent_by: Vec::new() }
     }
 
-    /// Counts a step, outside what is timed, and draws now and then.
+    /// Counts a step, outside the time that is measured, and draws now and then.
     pub(super) fn tell(&mut self, tick: u64, subject: &Subject) {
         if self.bar.is_hidden() {
             return;
@@ -87,7 +87,7 @@ impl Live {
 
 /// The numbers of one drawing.
 struct Look {
-    /// Time of the whole, per step.
+    /// The time of the whole world per step, milliseconds.
     ms: f64,
     transfers: u64,
     exchanges: usize,
@@ -101,7 +101,7 @@ struct Row {
     bodies: usize,
     awake: usize,
     replicas: usize,
-    /// Time per step.
+    /// The time per step, milliseconds.
     ms: f64,
 }
 

@@ -44,36 +44,39 @@ use crate::space::MAX_REGIONS;
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
 pub(super) struct Run {
-    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF: .urdf), or a snapshot
-    /// that --save wrote: it goes on to the same bits as if it had not been interrupted, cut and coupled as it was
+    /// A scene of the library (`dcd scenes` lists them), a scene file (TOML, MJCF: .xml or .mjcf, URDF:
+    /// .urdf), or a snapshot that --save wrote: it goes on to the same bits as if it had not been
+    /// interrupted, cut and coupled as it was
     scene: String,
-    /// Sets a parameter of the scene; may be given several times
+    /// Set a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Regions, by upright planes that halve the largest; 0 steps one bare Rapier world instead, on one thread: the reference
-    /// [default: what the scene says, else 1, which is exact; more only where bodies lie too far apart for the f32 of one]
+    /// Number of regions, cut by upright planes that halve the largest one; 0 steps one bare Rapier world
+    /// instead, on one thread: the reference [default: what the scene says, else 1, which is exact; more only
+    /// where bodies lie too far apart for the f32 of one region]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
-    /// Threads that step the world, in as many regions as it has; few awake bodies are stepped by one. The result does not
-    /// depend on it [default: all cores]
+    /// Threads that step the world, whatever its number of regions; few awake bodies are stepped by one
+    /// thread. The result does not depend on the number of threads [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// How long to run, in simulated seconds [default: 10, or with --view until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
-    /// Show the world in the browser, by a page at this address, which is printed on standard error: any free port of this machine if
-    /// none is given. The world begins when the page is opened, goes as fast as time, and can be paused and stepped there
+    /// Show the world in the browser: serve a page at this address, or at any free port of this machine if
+    /// none is given, and print its URL on standard error. The world begins when the page is opened, runs in
+    /// real time, and can be paused and stepped there
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
-    /// Write where every movable body is at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region
+    /// Write the state of every movable body at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Save the whole world at the end, also when Ctrl-C ends it, to be gone on with by `dcd run FILE.dcd`
+    /// Save the whole world at the end, also when Ctrl-C ends it; `dcd run FILE.dcd` goes on with it
     #[arg(long, value_name = "FILE.dcd")]
     save: Option<PathBuf>,
     /// Record the world: `dcd replay FILE` computes it again, bit for bit
@@ -245,7 +248,7 @@ fn after_help() -> String {
     )
 }
 
-/// The longest run: 30 years; more would not end, and ticks are counted in whole numbers.
+/// The longest run, seconds: 30 years. A longer one would not end, and ticks are counted in whole numbers.
 const MOST_SECONDS: f64 = 1e9;
 
 fn seconds(text: &str) -> Result<f64, String> {

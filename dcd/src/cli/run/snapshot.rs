@@ -9,7 +9,8 @@ use crate::cli::common::Common;
 use crate::cli::failure::Failure;
 use crate::runtime::{LocalWorld, SnapshotError};
 
-/// A file for the snapshot, beside which one could be written before the run began: a long run is not to be lost to a wrong path.
+/// The path of a snapshot, beside which a file could be written before the run began, so that a wrong path
+/// does not cost a long run.
 pub(super) struct Target {
     path: PathBuf,
 }
@@ -46,7 +47,7 @@ impl Target {
     }
 }
 
-/// Returns whether this names a snapshot: by its extension, or by its content.
+/// Returns whether this path is that of a snapshot, by its extension or its content.
 pub(in crate::cli) fn is_one(path: &str) -> bool {
     let mut beginning = Vec::new();
     let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));

@@ -8,19 +8,19 @@ use super::DebugShape;
 use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
-/// Lines of a circle.
+/// The number of lines of a circle.
 const SEGMENTS: usize = 16;
 /// Half of the edge of the square that stands for a plane, metres.
 const PLANE_M: f32 = 10.0;
 
-/// Takes the ends of a line.
+/// A function that takes the two ends of each line.
 type Line<'a> = dyn FnMut([f64; 3], [f64; 3]) + 'a;
 
 pub(super) fn of_box(bounds: &Bounds, line: &mut Line<'_>) {
     edges(|high| std::array::from_fn(|i| if high[i] { bounds.max[i] } else { bounds.min[i] }), line);
 }
 
-/// Draws the twelve edges of a box by its corners, each named by whether it is at the high end of each axis.
+/// Draws the twelve edges of a box. `corner` takes, for each axis, whether the corner is at the high end.
 fn edges(corner: impl Fn([bool; 3]) -> [f64; 3], line: &mut Line<'_>) {
     for axis in 0..3 {
         for (one, two) in [(false, false), (false, true), (true, false), (true, true)] {
@@ -99,7 +99,7 @@ fn on_plane(axis: usize, [u, v]: [f32; 2]) -> [f32; 3] {
     point
 }
 
-/// Draws a part of a circle, from the angle 0 on, whose points come from the cosine and the sine of their angle.
+/// Draws a part, 0 to 1, of a circle from the angle 0 on. `point` takes the cosine and the sine of an angle.
 fn arc(part: f32, point: impl Fn(f32, f32) -> [f32; 3], line: &mut impl FnMut([f32; 3], [f32; 3])) {
     let count = (part * SEGMENTS as f32) as usize;
     let at = |i: usize| {

@@ -1,4 +1,5 @@
-//! Draws a world by calls of a program's own renderer: points, lines, boxes, shapes and text, chosen by flags.
+//! Draws a world by calling a program's own renderer: with points, lines, boxes, shapes and text, chosen by
+//! flags.
 
 mod lines;
 mod scene;
@@ -10,12 +11,13 @@ use crate::protocol::WorldPose;
 use crate::space::{BodyId, Bounds};
 pub(crate) use scene::Canvas;
 
-/// A renderer that [`World::debug_draw`](crate::World::debug_draw) draws a world by.
+/// A renderer by which [`World::debug_draw`](crate::World::debug_draw) draws a world.
 ///
-/// Every method has a default: points and text are not drawn, boxes and shapes are drawn by lines. So a renderer that only draws lines
-/// implements [`DebugDraw::line`] alone. Places are metres of world space, colours red, green, blue and opacity.
+/// Every method has a default: points and text are not drawn, boxes and shapes are drawn by lines. A renderer
+/// that only draws lines thus implements [`DebugDraw::line`] alone. Positions are in world space, metres;
+/// colours are red, green, blue and opacity.
 pub trait DebugDraw {
-    /// Draws a point that is so many pixels wide, however far it is.
+    /// Draws a point that is `size_px` pixels wide at any distance.
     fn point(&mut self, _at: [f64; 3], _size_px: f32, _colour: [u8; 4]) {}
 
     /// Draws a line between two points.
@@ -26,83 +28,87 @@ pub trait DebugDraw {
         lines::of_box(bounds, &mut |from, to| self.line(from, to, colour));
     }
 
-    /// Draws one shape of a body at its place in the world.
+    /// Draws one shape of a body at its pose in world space.
     fn shape(&mut self, _body: BodyId, shape: &DebugShape<'_>, pose: &WorldPose, colour: [u8; 4]) {
         lines::of_shape(shape, pose, &mut |from, to| self.line(from, to, colour));
     }
 
-    /// Writes a text that begins at a point and is turned to whoever looks.
+    /// Draws a text that begins at a point and faces the viewer.
     fn text(&mut self, _at: [f64; 3], _text: &str, _colour: [u8; 4]) {}
 }
 
-/// A shape that is drawn, about the origin of its pose. Rounded shapes are drawn as large as they are, with edges.
+/// A shape to draw, around the origin of its pose. Rounded shapes are drawn in their full size, with edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum DebugShape<'a> {
     /// A box.
     Box {
-        /// Half of its edges, metres.
+        /// Half of the edges, metres.
         half: [f32; 3],
     },
     /// A ball.
     Ball {
-        /// Its radius, metres.
+        /// The radius, metres.
         radius: f32,
     },
     /// A capsule along y.
     Capsule {
         /// Half of the length without the caps, metres.
         half_height: f32,
-        /// Its radius, metres.
+        /// The radius, metres.
         radius: f32,
     },
     /// A cylinder along y.
     Cylinder {
-        /// Half of its height, metres.
+        /// Half of the height, metres.
         half_height: f32,
-        /// Its radius, metres.
+        /// The radius, metres.
         radius: f32,
     },
     /// A cone whose tip is at +y.
     Cone {
-        /// Half of its height, metres.
+        /// Half of the height, metres.
         half_height: f32,
-        /// The radius of its base, metres.
+        /// The radius of the base, metres.
         radius: f32,
     },
-    /// All below the plane y = 0.
+    /// The half-space below the plane y = 0.
     HalfSpace,
-    /// A mesh: of triangles, or of lines, which are triangles of which two corners are one.
+    /// A mesh of triangles, or of lines, which are triangles with two equal corners.
     Mesh {
-        /// Which it is: in one world the same number is the same mesh for ever, so that a renderer may keep what it makes of it.
+        /// The number of the mesh. In one world the same number always means the same mesh, so that a
+        /// renderer may keep what it makes of it.
         number: u32,
-        /// Its corners, metres.
+        /// The corners, metres.
         vertices: &'a [[f32; 3]],
-        /// Its triangles, counterclockwise from outside.
+        /// The triangles, counterclockwise from outside.
         triangles: &'a [[u32; 3]],
     },
 }
 
-/// The things that [`World::debug_draw`](crate::World::debug_draw) draws, joined by `|`.
+/// The items that [`World::debug_draw`](crate::World::debug_draw) draws, joined by `|`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DebugDrawFlags(u32);
 
 impl DebugDrawFlags {
-    /// Bodies by their shapes, in the colour of the region that owns them, greyed while they sleep; fixed ones are grey, sensors faint.
+    /// Bodies by their shapes, in the colour of the region that owns them, greyed while they sleep. Fixed
+    /// bodies are grey, sensors faint.
     pub const SHAPES: Self = Self(1);
     /// The boxes around movable bodies.
     pub const AABBS: Self = Self(1 << 1);
-    /// The boxes around all that movable bodies may reach in the next three ticks, by which regions predict contacts across borders.
+    /// The swept AABBs: boxes around all that movable bodies may reach in the next three ticks, by which
+    /// regions predict contacts across borders.
     pub const SWEPT_AABBS: Self = Self(1 << 2);
     /// Centres of mass, as points.
     pub const CENTRES_OF_MASS: Self = Self(1 << 3);
     /// Regions, as boxes within the bounds of the world.
     pub const BORDERS: Self = Self(1 << 4);
-    /// Copies of bodies in regions that do not own them, as boxes in the colour of the region that holds them.
+    /// Ghosts: copies of bodies in regions that do not own them, as boxes in the colour of the region that
+    /// holds them.
     pub const GHOSTS: Self = Self(1 << 5);
     /// Contacts, as points, with their forces as lines.
     pub const CONTACTS: Self = Self(1 << 6);
-    /// Joints, as lines from the one body to the joint and on to the other.
+    /// Joints, as lines from one body to the joint and on to the other.
     pub const JOINTS: Self = Self(1 << 7);
     /// Linear velocities, as lines.
     pub const VELOCITIES: Self = Self(1 << 8);
@@ -110,10 +116,10 @@ impl DebugDrawFlags {
     pub const AVATARS: Self = Self(1 << 9);
     /// Ids of movable bodies, as text.
     pub const LABELS: Self = Self(1 << 10);
-    /// All of it.
+    /// All of these.
     pub const ALL: Self = Self((1 << 11) - 1);
 
-    /// Returns the flags of these bits; `None` if one means nothing.
+    /// Returns the flags of these bits; `None` if a bit has no meaning.
     #[doc(hidden)]
     #[must_use]
     pub fn from_bits(bits: u32) -> Option<Self> {
@@ -143,19 +149,21 @@ impl BitOrAssign for DebugDrawFlags {
     }
 }
 
-/// What is drawn, when, where, and how large.
+/// The settings of [`World::debug_draw`](crate::World::debug_draw): what is drawn, at which time, where, and
+/// how large.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DebugDrawSettings {
-    /// What is drawn; by default [`DebugDrawFlags::SHAPES`].
+    /// The items that are drawn; by default [`DebugDrawFlags::SHAPES`].
     pub what: DebugDrawFlags,
-    /// The time at which bodies, velocities, joints and labels are shown; `None`: as they are after the last step. Boxes, centres of mass, ghosts and
-    /// contacts are always of the last step.
+    /// The time at which bodies, velocities, joints and labels are shown. `None`: as they are after the last
+    /// step. Boxes, centres of mass, ghosts and contacts are always those of the last step.
     pub time: Option<ViewTime>,
-    /// Where: movable bodies with their origin elsewhere, and contacts elsewhere, are left out; `None`: everywhere.
+    /// The box to draw, in world space, metres: movable bodies whose origin is outside it, and contacts
+    /// outside it, are left out. `None`: everywhere.
     pub within: Option<Bounds>,
-    /// The length of the line of a velocity, metres per m/s.
+    /// The length of a velocity's line, metres per m/s.
     pub metres_per_m_s: f32,
-    /// The length of the line of a force, metres per newton.
+    /// The length of a force's line, metres per newton.
     pub metres_per_n: f32,
 }
 

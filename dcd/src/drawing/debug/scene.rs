@@ -1,4 +1,4 @@
-//! Draws what a source tells of its world, flag by flag.
+//! Draws the world of a `Source`, flag by flag.
 
 use std::collections::BTreeMap;
 
@@ -15,14 +15,14 @@ use crate::space::{BodyId, Bounds};
 
 /// The most contacts that are drawn.
 const MOST_CONTACTS: usize = 1 << 16;
-/// How wide points are, pixels: contacts and centres of mass, and avatars.
+/// The widths of points, pixels: of contacts and centres of mass, and of avatars.
 const POINT_PX: f32 = 5.0;
 const AVATAR_PX: f32 = 12.0;
 const WHITE: [u8; 4] = [0xff; 4];
 const FORCE: [u8; 4] = [0xd1, 0x66, 0x2b, 0xff];
 const JOINT: [u8; 4] = [0x7f, 0x8b, 0xa0, 0xff];
 
-/// The shapes of a world that is drawn, kept from one drawing to the next.
+/// The shapes of a world, kept from one drawing to the next.
 #[derive(Default)]
 pub(crate) struct Canvas {
     geometries: Geometries,
@@ -156,7 +156,7 @@ impl Canvas {
 fn draw_regions(world: &impl Source, to: &mut (impl DebugDraw + ?Sized)) {
     let bounds = world.bounds();
     for (place, region) in world.regions().iter().enumerate() {
-        // Outer regions reach to infinity.
+        // The cells of outer regions reach to infinity.
         let within = |v: f64, axis: usize| v.clamp(bounds.min[axis], bounds.max[axis]);
         let cell = Bounds::new(
             std::array::from_fn(|i| within(region.cell.min[i], i)),
@@ -191,12 +191,12 @@ fn contains(bounds: &Bounds, at: &[f64; 3]) -> bool {
     (0..3).all(|i| bounds.min[i] <= at[i] && at[i] <= bounds.max[i])
 }
 
-/// Returns where a place on a body is in the world.
+/// Returns a point on a body in world space.
 fn at(pose: &WorldPose, local: [f32; 3]) -> [f64; 3] {
     (pose.isometry() * Point3::from(local.map(f64::from))).coords.into()
 }
 
-/// Returns where a part of a body is in the world.
+/// Returns the pose of a part of a body in world space.
 fn placed(pose: &WorldPose, part: &Part) -> WorldPose {
     if part.translation == [0.0; 3] && part.rotation == WorldPose::default().rotation {
         return *pose;

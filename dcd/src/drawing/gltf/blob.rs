@@ -23,7 +23,7 @@ const VIEWS: [View; 5] = [View::Vertices, View::Indices, View::Scalars, View::Ve
 #[derive(Default)]
 pub(super) struct Blob {
     bytes: [Vec<u8>; VIEWS.len()],
-    /// Each with the view that it leads to, by its place in [`VIEWS`].
+    /// Accessors, each with the index of its view in [`VIEWS`].
     accessors: Vec<(usize, Value)>,
 }
 
@@ -44,14 +44,14 @@ impl Blob {
         self.floats(View::Vertices, normals, "VEC3")
     }
 
-    /// Adds numbers of vertices; returns their accessor.
+    /// Adds indices of vertices; returns their accessor.
     pub(super) fn indices(&mut self, indices: &[u32]) -> usize {
         let offset = self.bytes[View::Indices as usize].len();
         self.bytes[View::Indices as usize].extend(indices.iter().flat_map(|index| index.to_le_bytes()));
         self.accessor(View::Indices, offset, indices.len(), UNSIGNED_INT, "SCALAR")
     }
 
-    /// Adds times that go up; returns their accessor.
+    /// Adds ascending times; returns their accessor.
     pub(super) fn times(&mut self, times: &[f32]) -> usize {
         let list: Vec<_> = times.iter().map(|&time| [time]).collect();
         let at = self.floats(View::Scalars, &list, "SCALAR");
@@ -77,7 +77,7 @@ impl Blob {
         let mut number = [0; VIEWS.len()];
         for view in VIEWS {
             let bytes = &self.bytes[view as usize];
-            // An empty view is no view.
+            // glTF has no empty views.
             if bytes.is_empty() {
                 continue;
             }

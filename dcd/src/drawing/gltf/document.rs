@@ -15,13 +15,14 @@ const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;
 const JSON: &[u8; 4] = b"JSON";
 const BIN: &[u8; 4] = b"BIN\0";
-/// How a primitive is drawn.
+/// The modes in which a primitive is drawn.
 const LINES: u32 = 1;
 const TRIANGLES: u32 = 4;
 /// The half edge of the square that stands for a plane, metres.
 const PLANE_M: f32 = 1000.0;
 
-/// A geometry by its number, and what besides decides on its vertices: the size of a capsule.
+/// What determines the vertices of a primitive: the number of its geometry and, of a capsule, the bits of
+/// radius and half height.
 type Outline = (u16, [u32; 2]);
 
 #[derive(Default)]
@@ -33,7 +34,7 @@ struct Document {
     channels: Vec<Value>,
     samplers: Vec<Value>,
     material_of: BTreeMap<[u8; 4], usize>,
-    /// What a mesh is made of, `None` where there is nothing to draw.
+    /// Primitives without their material; `None` where there is nothing to draw.
     primitive_of: BTreeMap<Outline, Option<Value>>,
     mesh_of: BTreeMap<(Outline, [u8; 4]), usize>,
 }
@@ -60,7 +61,7 @@ pub(super) fn write(film: &Film, mut to: impl Write) -> Result<(), GltfError> {
         "scenes": [scene],
         "nodes": nodes,
     });
-    // An empty list is no list.
+    // glTF has no empty lists.
     let lists =
         [("meshes", meshes), ("materials", materials), ("bufferViews", views), ("accessors", accessors)];
     for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
@@ -136,7 +137,7 @@ impl Document {
                 self.channel(node, "rotation", times, turns, "LINEAR");
             }
         }
-        // Of no size while it is not there.
+        // A body has the scale 0 while it does not exist.
         let (absent, present) = ([0.0; 3], [1.0; 3]);
         let mut scales = vec![(0.0, if body.came_s > 0.0 { absent } else { present })];
         if body.came_s > 0.0 {
@@ -194,7 +195,8 @@ impl Document {
         }))
     }
 
-    /// Adds a mesh of the world: of triangles, or of lines if all have two corners that are one.
+    /// Adds a mesh of the world: of triangles, or of lines if the last two corners of each triangle are the
+    /// same.
     fn surface(&mut self, film: &Film, number: usize) -> Option<Value> {
         let mesh = film.meshes.get(number)?;
         let is_there = |triangle: &&[u32; 3]| triangle.iter().all(|&at| (at as usize) < mesh.vertices.len());
@@ -237,7 +239,8 @@ fn differ<const N: usize>(keys: &[Key], what: impl Fn(&Key) -> [f32; N]) -> bool
     keys.windows(2).any(|two| what(&two[0]) != what(&two[1]))
 }
 
-/// Returns rotations so that each is the shorter way from the one before: a quaternion and its negative are the same rotation.
+/// Returns rotations with such signs that each is the shorter way from the one before: a quaternion and its
+/// negative are the same rotation.
 fn continuous(turns: impl Iterator<Item = [f32; 4]>) -> Vec<[f32; 4]> {
     let mut all: Vec<[f32; 4]> = Vec::new();
     for turn in turns {
@@ -247,7 +250,7 @@ fn continuous(turns: impl Iterator<Item = [f32; 4]>) -> Vec<[f32; 4]> {
     all
 }
 
-/// Returns a part of an sRGB colour as the linear number that glTF has (IEC 61966-2-1).
+/// Returns a component of an sRGB colour as the linear number that glTF has (IEC 61966-2-1).
 fn linear(srgb: f32) -> f32 {
     if srgb <= 0.04045 { srgb / 12.92 } else { libm::powf((srgb + 0.055) / 1.055, 2.4) }
 }

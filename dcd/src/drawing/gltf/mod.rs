@@ -1,8 +1,8 @@
 //! Writes glTF files (binary, version 2.0) of a world: of a moment, or of a stretch of time as an animation.
 //!
-//! Whoever has moments, of a world that runs or of one that is replayed, gives them to [`Film::take`] one after the other. Each body is a
-//! node named by its id, with its shapes below it, in the colour of the region that owned it at first; those that come or go meanwhile
-//! are of no size before and after.
+//! [`Film::take`] takes moments one after the other, of a world that runs or of one that is replayed. Each
+//! body is a node named by its id, with its shapes below it, in the colour of the region that owned it at
+//! first. A body that comes or goes meanwhile has the scale 0 before and after.
 
 mod blob;
 mod document;
@@ -22,14 +22,14 @@ use crate::space::BodyId;
 /// The most poses of bodies in a file: a gibibyte.
 const MOST_KEYS: usize = 1 << 25;
 
-/// The error that a world cannot be written as a glTF file.
+/// The error of a world that cannot be written as a glTF file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GltfError {
     /// The file cannot be written.
     #[error("the glTF file cannot be written: {0}; check the path, its permissions and the disk")]
     Io(#[from] io::Error),
-    /// It would be larger than a glTF file can be.
+    /// The file would be larger than a glTF file can be.
     #[error(
         "the glTF file would be larger than 4 GiB; take a shorter stretch, or fewer pictures per second of it"
     )]
@@ -40,20 +40,20 @@ pub enum GltfError {
 #[derive(Default)]
 pub(crate) struct Film {
     looker: Looker,
-    /// What is near the bodies, so that f32 is exact enough: the origin of all that follows.
+    /// The origin of all positions in the film, near the bodies, so that f32 is exact enough.
     origin: Option<[f64; 3]>,
     bodies: Vec<Filmed>,
-    /// The places of bodies by their slots; fixed ones apart.
+    /// Indices in `bodies`, by whether a body is fixed and by its slot.
     by_slot: BTreeMap<(bool, u32), usize>,
     meshes: Vec<Mesh>,
-    /// Times of moments, from the first on.
+    /// The time of the first moment, and that of the last one relative to it, seconds.
     begin_s: f64,
     last_s: f32,
     ticks: Option<[u64; 2]>,
     keys: usize,
 }
 
-/// A body, and where it was.
+/// A body, and its poses over time.
 struct Filmed {
     id: BodyId,
     kind: u8,
@@ -61,14 +61,14 @@ struct Filmed {
     colour: [u8; 4],
     parts: Vec<Part>,
     keys: Vec<Key>,
-    /// Until when it was as its last key says.
+    /// The last time at which it had the pose of its last key, seconds.
     still_s: f32,
-    /// When it was there, if not always.
+    /// When it came and, if it went, when; seconds.
     came_s: f32,
     gone_s: Option<f32>,
 }
 
-/// Where a body was at a time, relative to the origin.
+/// The pose of a body at a time, relative to the origin of the film.
 #[derive(Clone, Copy, PartialEq)]
 struct Key {
     time_s: f32,
@@ -77,7 +77,7 @@ struct Key {
 }
 
 impl Filmed {
-    /// Notes where it is; returns how many keys that took.
+    /// Notes its pose; returns how many keys that added.
     fn note(&mut self, key: Key) -> usize {
         let before = self.keys.len();
         match self.keys.last().copied() {
@@ -93,13 +93,14 @@ impl Filmed {
 }
 
 impl Film {
-    /// Takes a world as it is now, at a time of its own; times go up.
+    /// Films a world as it is now, at a time that the caller gives; times go up.
     pub(crate) fn look(&mut self, world: &impl Source, seconds: f64) -> Result<(), GltfError> {
         let moment = self.looker.look(world, &Wishes::default(), Moment::default());
         self.take(moment, seconds)
     }
 
-    /// Takes the next moment of a world, which was looked at since the first moment taken, at a time; times go up.
+    /// Films the next moment of a world, at a time; times go up. All moments must come from one series of
+    /// looks, from the first moment on.
     pub(crate) fn take(&mut self, moment: Moment, seconds: f64) -> Result<(), GltfError> {
         let origin = *self.origin.get_or_insert_with(|| {
             self.begin_s = seconds;
@@ -122,7 +123,7 @@ impl Film {
         for body in moment.arrivals {
             let place = self.by_slot.entry((body.fixed.is_some(), body.slot));
             let place = place.and_modify(|place| self.bodies[*place].parts.clone_from(&body.parts));
-            // One that looks otherwise again and again is filmed as it looks at last.
+            // A body whose look changes again and again is filmed with its last look.
             let place = place.or_insert_with(|| {
                 self.bodies.push(Filmed {
                     id: body.id,
@@ -137,7 +138,7 @@ impl Film {
                 });
                 self.bodies.len() - 1
             });
-            // All fixed ones arrive anew where one of them was moved.
+            // All fixed bodies arrive anew if one of them was moved.
             if let Some(pose) = body.fixed {
                 self.keys += self.bodies[*place].note(key(&pose));
             }
@@ -182,7 +183,7 @@ mod tests {
     use super::*;
     use crate::runtime::{LocalWorld, WorldConfig};
 
-    /// The JSON of a file, and its block.
+    /// Returns the JSON of a file, and its block.
     fn read(film: &Film) -> (Value, Vec<u8>) {
         let mut bytes = Vec::new();
         film.write(&mut bytes).unwrap();

@@ -1,8 +1,8 @@
-//! Makes the vertices of boxes, planes and of what is round about y.
+//! Makes the vertices of boxes, planes, and shapes that are round about y.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
-/// Corners around what is round, and from the pole of a ball to its equator.
+/// The corners around a round shape, and those from the pole of a ball to its equator.
 const AROUND: usize = 24;
 const RINGS: usize = 6;
 
@@ -14,7 +14,7 @@ pub(super) struct Solid {
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// A cube of half edges 1.
+/// Returns a cube of half edges 1.
 pub(super) fn cube() -> Solid {
     let mut solid = Solid::default();
     for axis in 0..3 {
@@ -27,7 +27,7 @@ pub(super) fn cube() -> Solid {
     solid
 }
 
-/// A square in the plane y = 0 of this half edge.
+/// Returns a square of this half edge in the plane y = 0.
 pub(super) fn plane(half: f32) -> Solid {
     let mut solid = Solid::default();
     solid.square([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
@@ -37,15 +37,15 @@ pub(super) fn plane(half: f32) -> Solid {
     solid
 }
 
-/// A ball of radius 1.
+/// Returns a ball of radius 1.
 pub(super) fn ball() -> Solid {
     capsule(1.0, 0.0)
 }
 
-/// A capsule along y.
+/// Returns a capsule along y.
 pub(super) fn capsule(radius: f32, half_height: f32) -> Solid {
     let rings = (0..=2 * RINGS + 1).map(|ring| {
-        // The equator twice: at the one end, and at the other.
+        // The equator comes twice: at the lower end and at the upper one.
         let (step, centre) = if ring <= RINGS { (ring, -half_height) } else { (ring - 1, half_height) };
         let (sin, cos) = libm::sincosf(FRAC_PI_2 * (step as f32 / RINGS as f32 - 1.0));
         ([radius * cos, centre + radius * sin], [cos, sin])
@@ -53,7 +53,7 @@ pub(super) fn capsule(radius: f32, half_height: f32) -> Solid {
     turned(&rings.collect::<Vec<_>>())
 }
 
-/// A cylinder along y of radius and half height 1.
+/// Returns a cylinder along y of radius and half height 1.
 pub(super) fn cylinder() -> Solid {
     let (down, out, up) = ([0.0, -1.0], [1.0, 0.0], [0.0, 1.0]);
     turned(&[
@@ -66,14 +66,15 @@ pub(super) fn cylinder() -> Solid {
     ])
 }
 
-/// A cone of radius and half height 1 whose tip is at +y.
+/// Returns a cone of radius and half height 1 whose tip is at +y.
 pub(super) fn cone() -> Solid {
     let slope = [2.0 / libm::sqrtf(5.0), 1.0 / libm::sqrtf(5.0)];
     let down = [0.0, -1.0];
     turned(&[([0.0, -1.0], down), ([1.0, -1.0], down), ([1.0, -1.0], slope), ([0.0, 1.0], slope)])
 }
 
-/// Turns a profile about y: radius and height of each ring from below, with the normal in the same plane.
+/// Revolves a profile about y. It has the radius and the height of each ring from below, with the normal in
+/// the same plane.
 fn turned(profile: &[([f32; 2], [f32; 2])]) -> Solid {
     let mut solid = Solid::default();
     for &([radius, y], [out, up]) in profile {
@@ -88,7 +89,7 @@ fn turned(profile: &[([f32; 2], [f32; 2])]) -> Solid {
         for step in 0..AROUND {
             let [a, b] = [low * ring + step, low * ring + step + 1].map(|at| at as u32);
             let [c, d] = [a, b].map(|at| at + ring as u32);
-            // At a pole, and where a ring is there twice for its two normals, they have no area.
+            // Triangles have no area at a pole, and between two equal rings with unlike normals.
             solid.triangles.extend([[a, c, b], [b, c, d]]);
         }
     }

@@ -45,7 +45,7 @@ export class Camera {
     const eye = this.eye(), { forward: f, right: r, up: u } = this.axes();
     const look = new Float32Array([r[0], u[0], -f[0], 0, r[1], u[1], -f[1], 0, r[2], u[2], -f[2], 0, -dot(r, eye), -dot(u, eye), dot(f, eye), 1]);
     const near = Math.max(0.02, this.distance * 0.01), far = this.distance * 60 + 400, t = 1 / Math.tan(this.field / 2);
-    // What is seen of the world does not shrink on narrow screens.
+    // On narrow screens the horizontal field of view does not shrink.
     const scale = aspect < 1.2 ? t * aspect / 1.2 : t;
     const view = new Float32Array([scale / aspect, 0, 0, 0, 0, scale, 0, 0, 0, 0, (near + far) / (near - far), -1, 0, 0, 2 * near * far / (near - far), 0]);
     return times(view, look);
@@ -81,7 +81,7 @@ export class Camera {
     this.moved = true;
   }
 
-  // Listens to mouse, fingers and keys; `tap` is told where somebody clicked.
+  // Listens to mouse, fingers and keys. Calls `tap` with the place of a click, and `shifted` when the target was moved.
   listen(canvas, tap, shifted) {
     const fingers = new Map();
     let travelled = 0;

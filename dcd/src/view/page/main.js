@@ -1,4 +1,4 @@
-// The page: joins the stream, the scene, the camera and the controls.
+// The page: connects the stream, the scene, the camera and the controls.
 
 import { Camera } from "/camera.js";
 import { Scene, turned } from "/scene.js";
@@ -9,7 +9,7 @@ const get = (id) => document.getElementById(id);
 const settings = new URLSearchParams(location.hash.slice(1));
 const canvas = get("scene");
 
-// What tests and curious people look at.
+// Numbers for tests and curious people.
 const counters = { frames: 0, drawn: 0, bytes: 0, bodies: 0, asleep: 0, instances: 0, tick: 0, drawnPerSecond: 0, firstPictureMs: null, smooth: false, connected: false, paused: false };
 window.dcd = { counters };
 
@@ -36,7 +36,7 @@ let scene, hello = null, state = null, regions = [], borders = null, bounds = nu
 let between = 1, interval = 50, arrived = 0, painting = true, fitted = false;
 let chosen = null, chosenId = 0n, details = null, following = false, past = null;
 
-// The stream. One question is under way at a time, so a slow page is sent fewer pictures.
+// The stream. One request for a picture is open at a time, so a slow page is sent fewer pictures.
 let socket = null, pending = false;
 function connect() {
   socket = new WebSocket(`ws://${location.host}/stream?key=${new URLSearchParams(location.search).get("key") ?? ""}`);
@@ -45,7 +45,7 @@ function connect() {
     counters.connected = true;
     pending = false;
     if (options.contacts) send(ASK.contacts, 1n);
-    // After a link that was lost all is told anew, and what was shown of the past is kept no longer.
+    // After a lost link everything is sent anew, and the past picture that was shown is no longer kept.
     timeline.samples = [];
     goTo(Infinity);
     if (chosen !== null) send(ASK.choose, chosenId);
@@ -131,7 +131,7 @@ function measure(frame) {
   }
   Object.assign(counters, { bodies, asleep });
   if (!bodies) { min.fill(-5); max.fill(5); }
-  // The box that borders are drawn in grows at once, and does not shrink with every body that comes down.
+  // The box in which borders are drawn grows at once, but does not shrink with each body that moves inwards.
   if (!bounds || min.some((v, k) => v < bounds.min[k]) || max.some((v, k) => v > bounds.max[k])) {
     const near = (k, v) => hello ? Math.max(hello.min[k] - hello.origin[k], Math.min(hello.max[k] - hello.origin[k], v)) : v;
     bounds = { min: min.map((v, k) => near(k, v - 3)), max: max.map((v, k) => near(k, v + 2)) };
@@ -146,7 +146,7 @@ function measure(frame) {
   }
 }
 
-// The faces that regions have in common, the redder the more their copies disagree.
+// Draws the faces that regions share, the redder the more their copies disagree.
 function drawBorders(frame) {
   const key = JSON.stringify([regions.map(({ min, max }) => [min, max]), frame.borders.map(({ a, b, off }) => [a, b, Math.round(off * 50)])]);
   if (key === borders) return;
@@ -202,7 +202,7 @@ get("colour").addEventListener("change", () => { painting = true; });
 // Time.
 function pause() {
   const on = !state?.paused;
-  // A recording goes on from where one looks.
+  // A recording goes on from the tick that is shown.
   if (past !== null && hello?.recorded) resume();
   send(ASK.pause, on ? 1n : 0n);
 }
@@ -210,7 +210,7 @@ const step = () => past !== null && hello?.recorded ? goTo(past + 1) : send(ASK.
 get("play").addEventListener("click", pause);
 get("step").addEventListener("click", step);
 get("speed").addEventListener("change", (event) => send(ASK.speed, Number(event.target.value)));
-// Shows a picture of the past that is kept. A recording goes to any tick: where there is no such picture it is computed again.
+// Shows a kept picture of the past. A recording goes to any tick: without a kept picture the tick is computed again.
 let dragging = false;
 function goTo(tick) {
   const { oldest, newest } = state ?? { oldest: 0, newest: 0 };
@@ -249,7 +249,7 @@ function choose(slot) {
 function isChosen(slot) {
   return scene.bodies.get(slot)?.id === chosenId && (slot >= FIXED || scene.place(slot, 1) !== null);
 }
-// With another shape a body has another slot, and in pictures of the past its former one.
+// A body that changes its shape gets another slot; in pictures of the past it is in its former one.
 function findChosen() {
   if (chosen === null || isChosen(chosen)) return;
   for (const slot of scene.bodies.keys()) if (isChosen(slot)) chosen = slot;
@@ -349,7 +349,7 @@ addEventListener("keydown", (event) => {
 });
 
 const CALM = 20;
-// Coarser pictures of what moves, where they take a processor too long.
+// `coarse` lowers the resolution of moving pictures where the CPU takes too long to draw them.
 let last = performance.now(), drawnAt = [], calm = 0, coarse = 1, wide = 0, high = 0;
 function paint(now) {
   requestAnimationFrame(paint);
@@ -370,7 +370,7 @@ function paint(now) {
   }
   timeline.draw({ bar: theme.bar, mark: theme.mark, line: theme.line, soft: theme.soft, back: theme.panel }, hello?.dt ?? 0);
   const still = !painting && !camera.moved;
-  // What rests is drawn once more, in full and with smooth edges, where that takes time.
+  // Where the CPU draws, a picture at rest is drawn once more, in full resolution and with smooth edges.
   if (still && !(scene.slow && ++calm === CALM)) return;
   if (!still && scene.slow && calm === 0) coarse = Math.min(1, Math.max(0.6, coarse * (spent > 80 ? 0.9 : spent < 40 ? 1.05 : 1)));
   if (!still) calm = 0;

@@ -1,12 +1,12 @@
-// Draws the world: every body's pose stands in textures that are filled straight from the stream, and every part of a body is one
-// instance of a geometry that reads its pose there.
+// Draws the world. The poses of all bodies are in textures that are filled straight from the stream. Each part of a body is one
+// instance of a geometry, and reads its pose there.
 
 import { BOX, CAPSULE, FIRST_MESH, PLANE, custom, primitive } from "/shapes.js";
 import { FIXED, PRESENT, parts } from "/wire.js";
 
 const WIDE = 1024;
 const NOBODY = 0xffffffff;
-// The most vertices that instances are spread to.
+// The most vertices to which instances are expanded, see `batch`.
 const SPREAD = 3 << 20;
 
 const POSES = `
@@ -190,14 +190,14 @@ function program(gl, vertex, fragment) {
   return { made, at };
 }
 
-// v turned by q.
+// Returns v rotated by q.
 export function turned(q, v) {
   const c = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const i = c(q, v).map((x, k) => x + q[3] * v[k]), o = c(q, i);
   return [0, 1, 2].map((k) => v[k] + 2 * o[k]);
 }
 
-// The turn of b, then that of a.
+// Returns the rotation by b, then by a.
 function product(a, b) {
   const [x, y, z, w] = a, [i, j, k, l] = b;
   return [w * i + x * l + y * k - z * j, w * j - x * k + y * l + z * i, w * k + x * j - y * i + z * l, w * l - x * i - y * j - z * k];
@@ -207,7 +207,7 @@ export class Scene {
   constructor(canvas) {
     const gl = canvas.getContext("webgl2", { antialias: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("this browser has no WebGL 2");
-    // Where a processor draws, what moves is drawn without smooth edges, and what rests with them.
+    // `slow`: the CPU draws. Moving pictures are then drawn without smooth edges, pictures at rest with them.
     const named = gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER;
     this.slow = /swiftshader|llvmpipe|software/i.test(gl.getParameter(named));
     this.smooth = { target: gl.createFramebuffer(), buffers: [gl.createRenderbuffer(), gl.createRenderbuffer()], size: "" };
@@ -223,7 +223,7 @@ export class Scene {
     this.room(1);
   }
 
-  // Makes textures with room for so many slots.
+  // Makes textures with room for at least `count` slots.
   room(count) {
     const rows = Math.max(1, Math.ceil(count / WIDE));
     if (rows <= this.rows) return;
@@ -256,14 +256,14 @@ export class Scene {
     this.meshes.set(message.number, custom(message));
   }
 
-  // A body that came, went, or, if it is fixed, moved.
+  // Takes a body that came, went or, if it is fixed, moved.
   put(message) {
     if (message.count === 0 && message.slot >= FIXED) this.bodies.delete(message.slot);
     else this.bodies.set(message.slot, message);
     this.stale = true;
   }
 
-  // Sorts all parts of all bodies by geometry.
+  // Sorts all parts of all bodies into one batch per geometry.
   sort() {
     const gl = this.gl, lists = new Map();
     for (const body of this.bodies.values()) {
@@ -301,7 +301,7 @@ export class Scene {
     this.instances = [...this.batches.values()].reduce((sum, batch) => sum + batch.count, 0);
   }
 
-  // Makes what one call draws. A processor takes long over instances: there every vertex has what its instance has.
+  // Makes the buffers of one draw call. The CPU takes long over instances: if it draws, each vertex has the data of its instance.
   batch(shape, data, count) {
     const gl = this.gl, array = gl.createVertexArray(), corners = shape.vertices.length / 7;
     const spread = this.slow && count * corners <= SPREAD;
@@ -365,7 +365,7 @@ export class Scene {
     return { array, buffer, count: 0 };
   }
 
-  // Sets lines, points or triangles: each vertex a place, a colour, and the slot of the body that it is on.
+  // Sets lines, points or triangles. Each vertex has a place, a colour, and the slot of the body that it is on.
   setFlat(name, vertices) {
     const flat = this.flats[name], data = new ArrayBuffer(32 * vertices.length);
     const floats = new Float32Array(data), ints = new Uint32Array(data);
@@ -379,7 +379,7 @@ export class Scene {
     flat.count = vertices.length;
   }
 
-  // Takes a frame; the one before it is what bodies come from.
+  // Takes a frame. Bodies are interpolated from the frame before, unless `jump` is set.
   show(frame, jump) {
     const gl = this.gl;
     this.room(frame.count);
@@ -423,7 +423,7 @@ export class Scene {
     }
   }
 
-  // Draws to a picture of four samples a pixel.
+  // Makes the following calls draw to a buffer of up to four samples per pixel.
   smoothly() {
     const gl = this.gl, { target, buffers, size } = this.smooth, { width, height } = this.canvas;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);
@@ -486,7 +486,7 @@ export class Scene {
     for (const [number, batch] of [...this.batches].sort(([a], [b]) => (b === PLANE) - (a === PLANE))) {
       gl.uniform1i(at.capsule, number === CAPSULE ? 1 : 0);
       gl.uniform1i(at.boxes, number === BOX ? 1 : 0);
-      // Edges of many small boxes are not seen, and take a processor long.
+      // Edges of many small boxes are not seen, and take the CPU long.
       gl.uniform1i(at.edges, number === BOX && !(this.slow && batch.count > 8000 && !look.smooth) ? 1 : 0);
       gl.uniform1i(at.grid, number === BOX || number === PLANE ? 1 : 0);
       gl.uniform1i(at.flatSides, number === BOX || number >= FIRST_MESH ? 1 : 0);
@@ -527,11 +527,11 @@ export class Scene {
     gl.deleteRenderbuffer(depth);
     const slot = (pixel[0] | pixel[1] << 8 | pixel[2] << 16 | pixel[3] << 24) >>> 0;
     if (slot === NOBODY) return null;
-    // Fixed bodies have a bit of their own here.
+    // Fixed bodies are marked by a bit of their own here.
     return slot & 0x800000 ? (slot & 0x7fffff | FIXED) >>> 0 : slot;
   }
 
-  // The place of a movable body, between two frames; null where it is not there.
+  // Returns the place of a movable body between two frames; null if it is not in the picture.
   place(slot, between) {
     const { frame, then } = this, isIn = (picture) => picture && slot < picture.count && picture.marks[4 * slot + 1] & PRESENT;
     if (!isIn(frame)) return null;

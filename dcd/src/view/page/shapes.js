@@ -1,4 +1,5 @@
-// The geometries that bodies are made of. A vertex is place, side (capsules: which end), normal; 0, 0, 0 where the normal is that of the face.
+// The geometries of which bodies are made. A vertex has a place, a side (of capsules: which end) and a normal, which is 0, 0, 0 where it is
+// that of the face.
 
 export const BOX = 0, BALL = 1, CAPSULE = 2, CYLINDER = 3, CONE = 4, PLANE = 5, FIRST_MESH = 8;
 
@@ -9,7 +10,7 @@ function put(to, at, normal, side = 0) {
   return to.vertices.length / 7 - 1;
 }
 
-// The three faces of a box that are seen: the shader turns them to the eye. They find their normals by themselves.
+// The three visible faces of a box: the shader mirrors them towards the eye, and computes their normals.
 function box() {
   const to = mesh();
   for (let i = 0; i < 8; i++) put(to, [0, 1, 2].map((k) => (i >> k & 1 ? 1 : -1)), [0, 0, 0]);
@@ -69,7 +70,7 @@ function plane() {
   return to;
 }
 
-// A primitive, finer where few are drawn.
+// Returns a primitive, finer where few are drawn.
 export function primitive(number, count) {
   const fine = count > 6000 ? 0 : count > 1000 ? 1 : 2;
   switch (number) {
@@ -82,7 +83,7 @@ export function primitive(number, count) {
   }
 }
 
-// A mesh of the stream. Triangles whose last two corners are one are lines.
+// Returns a mesh of the stream. Triangles whose last two corners are the same are lines.
 export function custom({ vertices, triangles }) {
   const to = { vertices: new Float32Array(vertices.length / 3 * 7), indices: triangles, lines: false };
   for (let i = 0; 3 * i < vertices.length; i++) to.vertices.set(vertices.subarray(3 * i, 3 * i + 3), 7 * i);

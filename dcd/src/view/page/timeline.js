@@ -1,4 +1,4 @@
-// Draws what the last ticks cost: step times as bars, changes of owner, exchanges and bytes as lines above them.
+// Draws the costs of the last ticks as rows of bars: step times, changes of owner, exchanges and bytes.
 
 const KEPT = 1200;
 
@@ -11,13 +11,13 @@ export class Timeline {
 
   add(samples) {
     for (const sample of samples) {
-      // A client's page is shown several pictures between two ticks: what came with each counts.
+      // A client's page is shown several pictures between two ticks: the numbers of all of them count.
       const same = this.last();
       if (same?.tick === sample.tick) {
         sample.transfers += same.transfers;
         sample.bytes += same.bytes;
       }
-      // A recording goes back.
+      // A recording may go back.
       while (this.last()?.tick >= sample.tick) this.samples.pop();
       this.samples.push(sample);
     }

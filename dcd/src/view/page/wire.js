@@ -79,7 +79,7 @@ export function read(buffer) {
   }
 }
 
-// The parts of a body: geometry, whether it is a sensor, place, turn and size.
+// Returns the parts of a body: geometry, whether it is a sensor, place, turn and size.
 export function parts(body) {
   const view = new DataView(body.buffer), all = [];
   for (let i = 0, at = 48; i < body.count; i++, at += 44) {
@@ -94,7 +94,7 @@ export function parts(body) {
 
 export const ASK = { see: 1, past: 2, pause: 3, step: 4, speed: 5, contacts: 6, choose: 7, leave: 8, go: 9 };
 
-// A message to the viewer: what is asked, and a number, which is a BigInt unless it is a speed.
+// Returns a message to the server: what is asked, and a number, which is a BigInt unless it is a speed.
 export function ask(what, number = 0n) {
   const view = new DataView(new ArrayBuffer(9));
   view.setUint8(0, what);

@@ -1,19 +1,19 @@
-//! Keeps what an author changes of a body until the next step.
+//! Keeps an author's changes of a body until they are sent and answered.
 
 use std::sync::Arc;
 
 use crate::protocol::{BodyState, BodyTraits, Drive, Velocity, WorldPose};
 
-/// What a body is changed to.
+/// The traits and user data that a body is changed to.
 pub(super) struct Altered {
     pub(super) traits: Arc<BodyTraits>,
     pub(super) user_data: u128,
     pub(super) wakes: bool,
-    /// With which send.
+    /// The number of the send; `None` if not sent yet.
     pub(super) sent: Option<u64>,
 }
 
-/// How a body is moved.
+/// The velocity, pose and drive that are set for a body.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Move {
     pub(super) velocity: Option<Velocity>,
@@ -22,7 +22,7 @@ pub(super) struct Move {
 }
 
 impl Move {
-    /// Returns the state of a body after it.
+    /// Returns the state of a body after the move.
     pub(super) fn of(&self, state: &BodyState) -> BodyState {
         let (velocity, pose) = (self.velocity.unwrap_or(state.velocity), self.pose.unwrap_or(state.pose));
         BodyState { velocity, pose, ..*state }

@@ -1,4 +1,4 @@
-//! Keeps the shapes of what an author makes and changes, as long as the world may need them from it.
+//! Keeps the shapes of what an author makes and changes, as long as the world may need them from the author.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord};
 use crate::world::error::Error;
 
 impl Author {
-    /// Forgets shapes that the world has forgotten.
+    /// Drops shapes that the world does not have any more and that no awaited body uses.
     pub(super) fn forget_shapes(&mut self, world: &dyn Known) {
         let own = self.awaited.values().flat_map(|body| &body.traits.colliders);
         let mut used: BTreeSet<_> = own.map(|collider| collider.shape).collect();
@@ -17,12 +17,12 @@ impl Author {
         self.fitting.retain(|hash| self.shapes.record_of(*hash).is_some());
     }
 
-    /// Returns the shapes of what was made, as far as the world has not forgotten them.
+    /// Returns the shapes of what the author made, but those that were dropped.
     pub(in crate::world) fn shapes(&self) -> &ShapeLibrary {
         &self.shapes
     }
 
-    /// Returns an error if a shape is too long to be sent.
+    /// Returns an error if a shape of a body is too large to be sent.
     pub(super) fn check_shapes(&mut self, body: &BodyRecord) -> Result<(), Error> {
         for hash in body.traits.colliders.iter().map(|collider| collider.shape) {
             if self.fitting.contains(&hash) {
@@ -38,7 +38,7 @@ impl Author {
         Ok(())
     }
 
-    /// Takes over the shapes of a body from the server's record, parts before compounds.
+    /// Adds the shapes of a body on record to the author's library, parts before compounds.
     pub(super) fn learn(&mut self, world: &dyn Known, body: &BodyRecord) -> Result<(), Error> {
         for collider in &body.traits.colliders {
             if self.shapes.record_of(collider.shape).is_some() {

@@ -1,16 +1,16 @@
-//! Tests what a program has done to a served world before its nodes have.
+//! Tests how an author shows what its program did to a served world before nodes have done it.
 
 use std::cell::Cell;
 
 use super::*;
 use crate::sim::{sim_body, sim_world};
 
-/// A world that is told by hand.
+/// A record of a world, set by the test.
 struct Told {
     body: BodyRecord,
     joint: Option<JointRecord>,
     answered: u64,
-    /// How often a body was asked for, and how many joints were shown.
+    /// How often a body was looked up, plus how many joints were shown.
     looks: Cell<u32>,
 }
 
@@ -76,11 +76,11 @@ fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
         assert_eq!(seen(&author, &told), (Some(0.5), !before.1));
         assert!(author.take(&told).is_empty(), "it is sent once");
     }
-    // Meanwhile another has changed both to something else.
+    // Meanwhile someone else has changed both.
     told.answered = 1;
     assert!(author.take(&told).is_empty());
     assert_eq!(seen(&author, &told), before);
-    // What was not sent yet is not answered.
+    // A change that is not sent yet counts as not answered.
     author.update(&told, body.id, &mut |body| body.set_linear_damping(0.25)).unwrap();
     assert_eq!(author.take(&told).len(), 1);
     assert!(author.take(&told).is_empty());
@@ -129,7 +129,7 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
     author.remove_joint(&told, first).unwrap();
     assert!(author.joint(&told, first).is_none() && there(&author, &told) == 1);
     assert_eq!(author.take(&told).len(), 1);
-    // The record is behind: what was made and removed comes onto it, and goes.
+    // The record lags: what was made and removed comes onto it, and goes.
     told.joint = Some(record);
     for _ in 0..2 {
         assert!(author.take(&told).is_empty());
@@ -140,7 +140,7 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
     (told.joint, told.answered) = (None, 2);
     assert!(author.take(&told).is_empty());
     assert!(author.joint(&told, first).is_none());
-    // Those of one body are found without a look at others.
+    // The joints of one body are found without a look at others.
     let elsewhere = [8, 9].map(BodyId::persistent);
     told.joint = Some(joint_record(JointId(70), elsewhere[0], elsewhere[1], &GenericJoint::default()));
     told.looks.set(0);
@@ -151,7 +151,7 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
     assert_eq!(told.looks.get(), 0);
     assert_eq!(of(&author, elsewhere[1]), [JointId(70)]);
     told.joint = None;
-    // A joint goes with either of its bodies.
+    // A joint is removed with either of its bodies.
     author.remove(&told, c).unwrap();
     assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
 }
@@ -176,7 +176,7 @@ fn a_joint_wakes_the_bodies_that_it_ties_as_in_a_local_world() {
     assert!(bodies.iter().all(|body| (body.state.still_s > 0.0) == body.state.sleeping));
 }
 
-/// What a program does between two steps.
+/// A call that a program makes between two steps.
 type Deed<'a> = &'a dyn Fn(&mut Author) -> Result<(), Error>;
 
 #[test]
@@ -222,7 +222,7 @@ fn pushes_of_many_bodies_are_sent_in_the_order_in_which_they_were_asked_for() {
     let pushes: Vec<_> =
         (0..3_000_u32).map(|i| Push::impulse(ids[(i * 7 % 300) as usize], [i as f32, 0.0, 0.0])).collect();
     pushes.iter().for_each(|push| author.push(told, push).unwrap());
-    // Of these nothing is left.
+    // The pushes of these two bodies are dropped.
     author.set_velocity(told, ids[3], Velocity::default()).unwrap();
     author.remove(told, ids[5]).unwrap();
     let sent = author.take(told).into_iter().filter_map(|op| match op {
@@ -260,7 +260,7 @@ fn bodies_that_are_taken_away_as_they_are_made_leave_the_others_with_their_joint
     assert!(bodies.iter().map(|body| body.id).eq(ids[50..].iter().copied()));
     assert!(tied.iter().map(|joint| joint.id).eq(left.iter().copied()));
     assert_eq!(there(&author), left);
-    // Before they are on record they go as well.
+    // Joints that are not on record yet are removed as well.
     author.remove(told, ids[70]).unwrap();
     assert_eq!(there(&author).len(), left.len() - 2);
     assert_eq!(author.movable_count(told), 50);

@@ -1,4 +1,4 @@
-//! Checks what a client is to have as an avatar, before anybody else hears of it.
+//! Checks a client's avatar before it is sent to the server.
 
 use rapier3d::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::world::remote::Remote;
 use crate::world::role::Instead;
 
 impl Served {
-    /// Returns the next avatar as it would be sent, or why it cannot be one.
+    /// Returns the record of the client's next avatar, or the error for which it cannot be inserted.
     pub(super) fn next_avatar(
         &self,
         pose: WorldPose,
@@ -46,7 +46,8 @@ impl Served {
     }
 }
 
-/// Returns whether a body has thresholds of sleep other than Rapier's usual ones, with which it may or may not sleep.
+/// Returns whether the thresholds of sleep of a body differ from Rapier's defaults, for bodies that can and
+/// cannot sleep.
 fn has_own_sleep(body: &RigidBodyActivation) -> bool {
     let thresholds = |body: &RigidBodyActivation| {
         (body.normalized_linear_threshold, body.angular_threshold, body.time_until_sleep)

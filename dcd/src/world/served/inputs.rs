@@ -1,4 +1,4 @@
-//! Keeps what a client asks of its avatars until the next step, and sends it then.
+//! Keeps the inputs of a client's avatars until the next step sends them.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use crate::runtime::{ProcessError, WorldError, check_speed};
 use crate::space::BodyId;
 use crate::world::remote::Remote;
 
-/// What an avatar is asked to do by the next step.
+/// The inputs of one avatar for the next step.
 #[derive(Default)]
 pub(super) struct PendingInput {
     pub velocity: Option<Velocity>,
@@ -18,21 +18,22 @@ pub(super) struct PendingInput {
 }
 
 impl Served {
-    /// Returns an error if an avatar would be faster so than the world lets it be.
+    /// Returns an error if the velocity is above the world's speed limit.
     pub(super) fn check_speed(&self, id: BodyId, velocity: Velocity) -> Result<(), WorldError> {
         let Some(mut avatar) = self.known(id).map(Cow::into_owned) else { return Ok(()) };
         avatar.state.velocity = velocity;
         check_speed(&avatar, self.speed_limit_m_s())
     }
 
-    /// Sends what avatars were asked since the last step; those that are not in the world yet wait.
+    /// Sends the inputs of avatars since the last step. Inputs of avatars that are not in the world yet are
+    /// kept.
     pub(super) fn send_inputs(&mut self) -> Result<(), ProcessError> {
         let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
             std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
         self.inputs = waiting;
         for (id, input) in due {
             let Some(body) = self.heard(id) else { continue };
-            // An input says the one or the other, and a leader takes in both.
+            // An input message says one or the other; a leader takes in both.
             if input.velocity.is_some() || input.pose.is_some() {
                 let kinematic = body.body.traits.kind != BodyKind::Dynamic;
                 let now = body.body.asked();

@@ -1,6 +1,6 @@
 //! Saves and restores worlds of the command line as snapshots.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,8 +17,9 @@ pub(super) struct Target {
 
 impl Target {
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
-        let mut part = path.clone().into_os_string();
-        part.push(".part");
+        // Of a symbolic link, beside the file that it leads to, as it will be written.
+        let mut part = fs::canonicalize(&path).unwrap_or_else(|_| path.clone()).into_os_string();
+        part.push(format!(".{}.part", std::process::id()));
         let target = Self { path };
         if target.path.is_dir() {
             return Err(Failure::usage(target.refused(&"it is a folder")));
@@ -26,8 +27,8 @@ impl Target {
         if target.path.exists() && !target.path.is_file() {
             return Err(Failure::usage(target.refused(&"it is a device or a pipe")));
         }
-        File::create(&part)
-            .and_then(|_| std::fs::remove_file(&part))
+        File::create_new(&part)
+            .and_then(|_| fs::remove_file(&part))
             .map_err(|error| Failure::usage(target.refused(&error)))?;
         Ok(target)
     }

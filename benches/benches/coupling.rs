@@ -1,7 +1,8 @@
-//! Measures what a border costs: a step of two regions with 0, 100 and 1,000 bodies held by both, beside one bare Rapier world with the
-//! same 4,000 boxes; and apart from it the half that steps and gathers, and the half that applies and comes to consensus.
+//! Measures what a border costs: a step of two regions that share 0, 100 or 1,000 bodies, beside one bare
+//! Rapier world with the same 4,000 boxes. Each half of the step is timed alone too: the half that steps and
+//! gathers, and the half that applies and comes to consensus.
 //!
-//! `cargo bench -p dcd-benches`; one thread, so that only work is counted.
+//! Run it by `cargo bench -p dcd-benches`. It uses one thread, so that only work is counted.
 
 use std::time::{Duration, Instant};
 
@@ -14,11 +15,12 @@ use dcd::space::{Axis, BodyId, Bounds, DistributionTree};
 const BODIES: usize = 4_000;
 const SHARED: [usize; 3] = [0, 100, 1_000];
 const METHODS: [Coupling; 2] = [Coupling::Owner, Coupling::Overlap];
-/// Until contacts have their warm start.
+/// The ticks until contacts have their warm start.
 const SETTLING_TICKS: usize = 60;
 
-/// Pairs of unit boxes side by side on a floor. So many bodies stand in pairs across x = 0 and are shared by the regions left
-/// and right of it; the others stand too far from it.
+/// Returns the places of pairs of unit boxes that stand side by side on a floor. `shared` of the boxes stand
+/// in pairs across x = 0, so that the regions left and right of it share them. The others stand too far from
+/// it.
 fn boxes(shared: usize) -> impl Iterator<Item = [f64; 3]> {
     const PITCH_M: f64 = 1.5;
     const ROWS: usize = 100;
@@ -38,13 +40,13 @@ fn floor() -> ColliderBuilder {
 }
 
 fn unit_box() -> (RigidBodyBuilder, ColliderBuilder) {
-    // Asleep it would cost nothing.
+    // A sleeping box would cost nothing.
     (RigidBodyBuilder::dynamic().can_sleep(false), ColliderBuilder::cuboid(0.5, 0.5, 0.5))
 }
 
 fn bare() -> PhysicsWorld {
     let mut world = PhysicsWorld { gravity: Vector::new(0.0, -9.81, 0.0), ..PhysicsWorld::new() };
-    // By itself it would step on all cores.
+    // By default the world would step on all cores.
     world.configure_thread_pool(1).expect("the system has one more thread");
     world.insert(RigidBodyBuilder::fixed().translation(Vector::new(0.0, -1.0, 0.0)), floor());
     for place in boxes(0) {
@@ -60,7 +62,7 @@ fn regions(method: Coupling, shared: usize) -> RegionHost {
     let tree = DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).expect("the plane cuts the world");
     let leaves: Vec<_> = tree.leaves().collect();
     let mut settings = StepSettings::default().with_coupling(method);
-    // One exchange each: what several cost is what the step costs several times.
+    // One exchange per tick: several exchanges cost as much as several steps.
     settings.exchanges = 1;
     let mut host = RegionHost::new(Partition::new(tree, None), settings, 1, &leaves).expect("one thread");
     let fixed = (WorldPose::at([0.0, -1.0, 0.0]), RigidBodyBuilder::fixed(), floor());
@@ -98,7 +100,7 @@ fn step(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Two halves of a step, each timed alone.
+/// Measures each half of a step alone.
 fn halves(criterion: &mut Criterion) {
     for (name, of) in [("step and gather", 0), ("agree and apply", 1)] {
         let mut group = criterion.benchmark_group(name);
@@ -114,7 +116,7 @@ fn halves(criterion: &mut Criterion) {
     }
 }
 
-/// A tick, and how long its halves took.
+/// Runs a tick and returns how long each half took.
 fn tick(host: &mut RegionHost) -> [Duration; 2] {
     let start = Instant::now();
     host.compute();

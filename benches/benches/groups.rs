@@ -1,7 +1,8 @@
-//! Measures how long the server takes to group 1,000 nodes: delays by distance, as on a network; one clique; and graphs on which a search
-//! for cliques has the most to do. To stay below 200 ms each.
+//! Measures how long the server takes to group 1,000 nodes: with delays by distance, as on a network; with
+//! one clique; and with graphs on which a search for cliques has the most to do. Each grouping must stay
+//! below 200 ms.
 //!
-//! `cargo bench -p dcd-benches --bench groups`
+//! Run it by `cargo bench -p dcd-benches --bench groups`.
 
 use std::time::Duration;
 
@@ -12,7 +13,7 @@ use dcd::space::NodeId;
 
 const NODES: usize = 1_000;
 
-/// Delays in milliseconds, by row and column.
+/// The delays between nodes in milliseconds, row by row.
 struct Delays(Vec<f64>);
 
 impl Delays {
@@ -25,7 +26,7 @@ impl Delays {
     }
 }
 
-/// Nodes strewn over a square of 100 ms, with 10 % of jitter.
+/// Returns the delays of nodes strewn over a square of 100 ms, with 10 % of jitter.
 fn strewn() -> Delays {
     let mut random = Random::new(1);
     let places: Vec<[f64; 2]> = (0..NODES).map(|_| [0, 1].map(|_| 100.0 * random.unit())).collect();
@@ -35,7 +36,8 @@ fn strewn() -> Delays {
     })
 }
 
-/// Near are the pairs that `near` names by the lower and the higher.
+/// Returns the delays of pairs: 1 ms if `near` accepts the pair, given the lower and the higher index, and
+/// 100 ms otherwise.
 fn pairs(mut near: impl FnMut(usize, usize) -> bool) -> Delays {
     let mut rows = vec![vec![100.0; NODES]; NODES];
     for (a, b) in (0..NODES).flat_map(|a| (a + 1..NODES).map(move |b| (a, b))) {
@@ -46,7 +48,7 @@ fn pairs(mut near: impl FnMut(usize, usize) -> bool) -> Delays {
     Delays(rows.concat())
 }
 
-/// Each pair near by chance.
+/// Returns delays by which each pair is near with this probability.
 fn chance(density: f64) -> Delays {
     let mut random = Random::new(2);
     pairs(|_, _| random.unit() < density)
@@ -69,7 +71,7 @@ fn groups(criterion: &mut Criterion) {
         ("chance 99 %", &chance(0.99), 10.0),
     ];
     let nodes: Vec<_> = (0..NODES as u32).map(NodeId).collect();
-    // Networks of ten and towns of a hundred.
+    // Networks of ten nodes and towns of a hundred.
     let hints = [10, 100].map(|size| Hint {
         keys: nodes.iter().map(|&node| (node, u64::from(node.0 / size))).collect(),
         usage: HintUse::Seed,

@@ -1,4 +1,5 @@
-//! Runs this program once more, as a process that answers each line of its standard input with one, until that ends.
+//! Runs this program once more, as a process that answers each line of its standard input with a line, until
+//! the input ends.
 
 use std::error::Error;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -7,7 +8,7 @@ use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// A process that runs until its end of a pipe is closed.
+/// A process that runs until its standard input is closed.
 pub(crate) struct Child {
     child: std::process::Child,
     input: Option<ChildStdin>,
@@ -15,7 +16,7 @@ pub(crate) struct Child {
 }
 
 impl Child {
-    /// Starts it with these arguments.
+    /// Starts the process with these arguments.
     pub(crate) fn start(arguments: &[&str]) -> Result<Self, Box<dyn Error>> {
         let mut child = Command::new(std::env::current_exe()?)
             .args(arguments)
@@ -27,18 +28,18 @@ impl Child {
         Ok(Self { input: child.stdin.take(), child, output: BufReader::new(output) })
     }
 
-    /// Returns its id in the system.
+    /// Returns the id of the process.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// Asks it what it has done so far.
+    /// Asks the process what it has done so far.
     pub(crate) fn read<Reading: DeserializeOwned>(&mut self) -> Result<Reading, Box<dyn Error>> {
         self.write("\n")?;
         Ok(serde_json::from_str(&self.line()?)?)
     }
 
-    /// Ends it; says so if it went wrong.
+    /// Ends the process; returns an error if it went wrong.
     pub(crate) fn end(mut self) -> Result<(), Box<dyn Error>> {
         self.input = None;
         self.output.read_to_string(&mut String::new())?;
@@ -48,12 +49,12 @@ impl Child {
         }
     }
 
-    /// Tells it something.
+    /// Writes text to the process.
     pub(crate) fn write(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
         Ok(self.input.as_mut().ok_or("it is ending")?.write_all(text.as_bytes())?)
     }
 
-    /// Waits for the next line that it says.
+    /// Waits for the next line that the process writes.
     pub(crate) fn line(&mut self) -> Result<String, Box<dyn Error>> {
         let mut line = String::new();
         match self.output.read_line(&mut line)? {
@@ -70,7 +71,7 @@ impl Drop for Child {
     }
 }
 
-/// Answers each line of standard input, until it ends.
+/// Answers each line of standard input with a reading, until the input ends.
 pub(crate) fn answer<Reading: Serialize>(mut read: impl FnMut() -> Reading) -> Result<(), Box<dyn Error>> {
     for line in std::io::stdin().lines() {
         line?;

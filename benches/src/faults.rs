@@ -1,6 +1,6 @@
-//! Fills the fault tables: every row of faults, many seeds each, whole clusters in virtual time, first with bodies that fly straight
-//! on, then over Rapier with scenes whose bodies touch across borders. What they say is the same on every machine; how long it takes
-//! is not.
+//! Fills the fault tables: every kind of faults, many seeds each, on whole clusters in virtual time. First
+//! with bodies that fly straight on, then over Rapier with scenes whose bodies touch across borders. The
+//! results are the same on every machine; the time that they take is not.
 
 mod contact;
 
@@ -20,15 +20,15 @@ use crate::results::Measured;
 
 const SHOWN: Shown<Row> = Shown { name: "faults", table, picture: None };
 
-/// How many seeds are run.
+/// The numbers of seeds.
 #[derive(Args)]
 pub(crate) struct Faults {
     #[command(flatten)]
     output: Output,
-    /// Seeds a row.
+    /// Seeds per row.
     #[arg(long, default_value_t = 1_000, conflicts_with = "quick")]
     seeds: u64,
-    /// Seeds a row of each scene whose bodies touch.
+    /// Seeds per row of each scene whose bodies touch.
     #[arg(long, default_value_t = 200, conflicts_with = "quick")]
     contact_seeds: u64,
 }
@@ -54,7 +54,7 @@ impl Faults {
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
         let (seeds, contact_seeds) =
             if self.output.quick { (1, 1) } else { (self.seeds, self.contact_seeds) };
-        // A machine that panics is a violation, which is reported with its seed.
+        // A state machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
         let rows = self.output.fill(&SHOWN, |rows| measure_all(rows, 0..seeds))?;
         let contact = self.output.fill(&contact::SHOWN, |rows| contact::measure(rows, 0..contact_seeds))?;
@@ -110,7 +110,7 @@ impl Row {
         }
     }
 
-    /// Returns whether nothing was violated, and clients saw nothing that is older than promised.
+    /// Returns whether nothing was violated, and clients saw nothing older than promised.
     fn holds(&self) -> bool {
         let is_fresh = |profile: FaultProfile| profile.promise().is_fresh(self.p99_stale_ms);
         self.violations == 0 && self.faults.parse().is_ok_and(is_fresh)

@@ -6,7 +6,8 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
-/// Stands in every row of every CSV, so that rows of several runs may share a file.
+/// The machine and commit of a measurement. It stands in every row of every CSV, so that rows of several runs
+/// may share a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Machine {
     /// Model of the processor.
@@ -20,7 +21,7 @@ pub(crate) struct Machine {
 }
 
 impl Machine {
-    /// This machine, now.
+    /// Returns this machine, now.
     pub(crate) fn here() -> Self {
         Self {
             cpu: cpu_model().unwrap_or_else(|| "unknown processor".to_owned()),
@@ -30,21 +31,22 @@ impl Machine {
         }
     }
 
-    /// For captions.
+    /// Returns the text for captions.
     pub(crate) fn caption(&self) -> String {
         let Self { cpu, cores, date, commit } = self;
         format!("{cpu}, {cores} cores, {date}, commit {commit}")
     }
 }
 
-/// Linux tells it in a file; other systems have no name for it that every one of them understands.
+/// Returns the model of the processor. Linux tells it in a file; other systems have no common name for it.
 fn cpu_model() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-/// Results do not count as sources: the second of two runs would seem to be of other sources than the first.
+/// Returns the commit. Changes of results do not make it dirty: else the second of two runs would seem to be
+/// of other sources than the first.
 fn commit() -> Option<String> {
     let git = |arguments: &[&str]| {
         Command::new("git").args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().ok()

@@ -1,5 +1,5 @@
-//! Runs the speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off, and where its methods
-//! fail.
+//! Runs the speed and accuracy suite of dcd: what partitioning costs and gains, how far its results are off,
+//! and where its methods fail.
 
 mod accuracy;
 mod bandwidth;
@@ -30,7 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// As in the program `dcd`.
+/// The allocator, the same as in the program `dcd`.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
@@ -47,38 +47,47 @@ enum Suite {
     Accuracy(accuracy::Accuracy),
     /// What it costs to tell a client of a scene: bytes by field, over networks that delay and lose.
     Bandwidth(bandwidth::Bandwidth),
-    /// What calls of the C API cost, how long joining takes, and how large a program becomes that links it.
+    /// What calls of the C API cost, how long joining takes, and how large a program that links it becomes.
     CApi(c_api::CApi),
-    /// Compares what a client shows of a served world, over good and bad networks, with the truth; with bytes and staleness.
+    /// Compares what a client shows of a served world with the truth, over good and bad networks; with bytes
+    /// and staleness.
     Clients(clients::Clients),
     /// Measures how much faster a world is on 2 to 16 cores: in one region, and cut into several.
     Cores(scale::Cores),
-    /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
+    /// How far groups of nodes, and members of one group, are from one another over time, and the bytes
+    /// between them.
     Consistency(consistency::Consistency),
-    /// What many clients cost a world: time between ticks, processor time by thread, bytes; a server, two nodes and clients in real processes.
+    /// What many clients cost a world: time between ticks, processor time by thread, bytes; a server, two
+    /// nodes and clients in real processes.
     FanOut(fan_out::FanOut),
     #[command(hide = true)]
     FanOutProcess(fan_out::FanOutProcess),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
-    /// Measures what it saves and costs to compute less where nobody looks; puts stated errors beside true ones.
+    /// Measures what it saves and costs to compute less where nobody looks; puts stated errors beside true
+    /// ones.
     Fidelity(fidelity::Fidelities),
-    /// What hostile peers cost a world: floods of handshakes, datagrams and junk, and peers that read nothing; memory, ticks, joins.
+    /// What hostile peers cost a world: floods of handshakes, datagrams and junk, and peers that read
+    /// nothing; memory, ticks, joins.
     Floods(floods::Floods),
     #[command(hide = true)]
     FloodProcess(floods::FloodProcess),
-    /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
+    /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration,
+    /// energy and sag.
     #[cfg(feature = "peers")]
     Peers(peers::Peers),
-    /// How well a client predicts its own avatars, over good and bad networks: corrections, jumps and time per frame.
+    /// How well a client predicts its own avatars, over good and bad networks: corrections, jumps and time
+    /// per frame.
     Prediction(prediction::Predictions),
     /// Measures what recording a world costs: time per step and bytes per second.
     Recording(recording::Recording),
-    /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
+    /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the
+    /// same row.
     Scale(scale::Scale),
     #[command(hide = true)]
     ScaleWorker(scale::ScaleWorker),
-    /// The experiments of the thesis of 2006 again: a server and 1 to 32 participants, theirs and ours side by side.
+    /// The experiments of the thesis of 2006 again: a server and 1 to 32 participants, theirs and ours side
+    /// by side.
     Thesis(thesis::Thesis),
     #[command(hide = true)]
     ThesisParticipant(thesis::ThesisParticipant),

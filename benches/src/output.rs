@@ -1,4 +1,5 @@
-//! Gives every command that measures its frame: rows go to a CSV as they come, pictures and the page's table are made from that file.
+//! Gives every command that measures its frame: rows go to a CSV as they come; pictures and the page's table
+//! are made from that file.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -12,13 +13,13 @@ use crate::machine::Machine;
 use crate::page;
 use crate::results::{self, Measured};
 
-/// Says where results go, and whether they are measured or only drawn.
+/// Where results go, and whether they are measured or only drawn.
 #[derive(Args)]
 pub(crate) struct Output {
-    /// Measures a few small cases, which are worth nothing as figures.
+    /// Measures a few small cases, whose figures are worth nothing.
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    /// Where the results go [default: benches/results; with `--quick` quick-results beside this program].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Draws pictures and tables from the files, without measuring.
@@ -29,15 +30,16 @@ pub(crate) struct Output {
 type Write<Row> = fn(&[Measured<Row>]) -> String;
 type Draw<Row> = fn(&[Measured<Row>]) -> LinePanels;
 
-/// Says how the rows of one file are shown. The file, the picture and the markers on the page have one name. Below the table, which may be
-/// empty, stands when its rows were measured.
+/// How the rows of one file are shown. The file, the picture and the markers on the page have the same name.
+/// Below the table, which may be empty, the page says when the rows were measured.
 pub(crate) struct Shown<Row> {
     pub(crate) name: &'static str,
     pub(crate) table: Write<Row>,
     pub(crate) picture: Option<Draw<Row>>,
 }
 
-/// The rows of one file, which is written after every change: a run that is stopped keeps what it has.
+/// The rows of one file. The file is written after every change, so that a run that is stopped keeps what it
+/// has.
 pub(crate) struct Sheet<Row> {
     path: PathBuf,
     machine: Machine,
@@ -49,7 +51,7 @@ impl Output {
         results::folder(self.out.as_deref(), self.quick)
     }
 
-    /// Measures, unless it is only to be drawn, and shows what the file then holds.
+    /// Measures, unless results are only drawn, and shows what the file then holds.
     pub(crate) fn fill<Row: Serialize + DeserializeOwned>(
         &self,
         shown: &Shown<Row>,
@@ -81,18 +83,18 @@ impl<Row> Shown<Row> {
 }
 
 impl<Row: Serialize + DeserializeOwned> Sheet<Row> {
-    /// Begins with the rows that the file has, of which some are to be measured anew.
+    /// Begins with the rows of the file, of which some are to be measured anew.
     pub(crate) fn recall(&mut self) -> Result<(), Box<dyn Error>> {
         self.rows = results::read_csv(&self.path)?;
         Ok(())
     }
 
-    /// Returns what it holds.
+    /// Returns the rows of the sheet.
     pub(crate) fn rows(&self) -> &[Measured<Row>] {
         &self.rows
     }
 
-    /// A row measured now on this machine.
+    /// Returns a row as measured now on this machine.
     pub(crate) fn measured(&self, row: Row) -> Measured<Row> {
         Measured { row, machine: self.machine.clone() }
     }

@@ -6,8 +6,8 @@ use std::path::Path;
 use crate::machine::Machine;
 use crate::results::write_file;
 
-/// Puts a table between `<!-- NAME: … -->` and `<!-- /NAME -->` of a page. A page without the markers stays as it is, and so
-/// does a folder without a page: results may be written anywhere.
+/// Puts a table between `<!-- NAME: … -->` and `<!-- /NAME -->` of the page in a folder. A page without the
+/// markers stays as it is, and so does a folder without a page: results may be written anywhere.
 pub(crate) fn put(folder: &Path, name: &str, table: &str) -> Result<(), Box<dyn Error>> {
     let path = folder.join("README.md");
     let Ok(page) = std::fs::read_to_string(&path) else {
@@ -26,7 +26,7 @@ fn replaced(page: &str, name: &str, table: &str) -> Option<String> {
     Some(format!("{}\n{}\n{}", &page[..from], table.trim_end(), &page[to..]))
 }
 
-/// A table of Markdown.
+/// Returns a table in Markdown.
 pub(crate) fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let mut text = line(head.iter().map(|&cell| cell.to_owned()).collect());
@@ -38,7 +38,7 @@ pub(crate) fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) 
     text
 }
 
-/// Says when, at which commits and on which machines something was measured.
+/// Returns a sentence that says when, at which commits and on which machines something was measured.
 pub(crate) fn measured<'a>(what: &str, machines: impl Iterator<Item = &'a Machine> + Clone) -> String {
     let each = |of: fn(&Machine) -> String| {
         let mut all: Vec<String> = Vec::new();

@@ -1,4 +1,5 @@
-//! Writes and reads results as CSV: the one form in which figures are kept. Pictures and tables are made from it, never from a run.
+//! Writes and reads results as CSV, the one form in which figures are kept. Pictures and tables are made from
+//! it, never from a run.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -15,12 +16,13 @@ pub(crate) struct Measured<Row> {
     pub(crate) machine: Machine,
 }
 
-/// The folder of committed results.
+/// Returns the folder of committed results.
 pub(crate) fn committed() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("results")
 }
 
-/// Where results go: as asked, else beside the committed ones; quick ones are not worth committing and go beside this program.
+/// Returns the folder that results go to: the one asked for, else that of the committed results. Quick
+/// results are not worth committing, and go beside this program.
 pub(crate) fn folder(asked: Option<&Path>, quick: bool) -> Result<PathBuf, Box<dyn Error>> {
     let folder = match asked {
         Some(folder) => folder.to_owned(),
@@ -39,7 +41,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Box<dyn Error>
         .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
 }
 
-/// Writes rows, the machine's columns after their own.
+/// Writes rows; the machine's columns come after their own.
 pub(crate) fn write_csv<Row: Serialize>(path: &Path, rows: &[Measured<Row>]) -> Result<(), Box<dyn Error>> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     for Measured { row, machine } in rows {
@@ -59,7 +61,7 @@ pub(crate) fn read_csv<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Measure
     let mut rows = Vec::new();
     for record in csv.records() {
         let record = record.map_err(explained)?;
-        // By name, twice: each struct takes its own columns.
+        // By name and twice: each struct takes its own columns.
         rows.push(Measured {
             row: record.deserialize(Some(&names)).map_err(explained)?,
             machine: record.deserialize(Some(&names)).map_err(explained)?,
@@ -68,7 +70,7 @@ pub(crate) fn read_csv<Row: DeserializeOwned>(path: &Path) -> Result<Vec<Measure
     Ok(rows)
 }
 
-/// A number as people read it: three digits that count.
+/// Formats a number as people read it, with three digits that count.
 pub(crate) fn short(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 
-/// Milliseconds of processor time by the names of threads.
+/// Milliseconds of processor time by the name of the thread.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Usage(BTreeMap<String, f64>);
 
@@ -16,7 +16,7 @@ impl Usage {
         let mut usage = Self::default();
         for thread in threads {
             let path = thread?.path();
-            // One that has ended meanwhile has nothing to say.
+            // A thread that has ended meanwhile has nothing to say.
             let (Ok(name), Ok(times)) =
                 (fs::read_to_string(path.join("comm")), fs::read_to_string(path.join("schedstat")))
             else {
@@ -40,7 +40,7 @@ impl Usage {
         Self(self.0.iter().map(used).collect())
     }
 
-    /// Returns that of the threads whose names begin so.
+    /// Returns the milliseconds of the threads whose names begin so.
     pub(crate) fn of_threads(&self, name: &str) -> f64 {
         self.0.iter().filter(|(thread, _)| thread.starts_with(name)).map(|(_, ms)| ms).sum()
     }

@@ -1,4 +1,5 @@
-//! Tests that the methods of others, owner and proxy, still fail where they do; else the suite has lost its teeth.
+//! Tests that the methods of others, owner and proxy, still fail where they are known to. Otherwise the suite
+//! would no longer detect failures.
 
 use dcd::physics::Coupling;
 
@@ -6,7 +7,7 @@ use super::gate::{Verdict, judge};
 use super::scene::{Case, Size};
 use super::{Reference, Setup, experiments, method, read, use_method};
 
-/// The verdict on one case of an experiment.
+/// Returns the error and the verdict of one case of an experiment.
 fn verdict(experiment: &str, case: &str, coupling: Coupling, regions: usize) -> (f64, Verdict) {
     let case = case_of(experiment, case);
     let reference = Reference::of(&case).unwrap();

@@ -1,6 +1,6 @@
-//! Computes a world whose regions have a host each, as on nodes, so that their messages to each other can be
-//! late or lost. What changes who holds and owns a body always arrives, as it does over the network: only the messages on how
-//! bodies moved are touched.
+//! Computes a world whose regions have one host each, as on nodes, so that their messages to each other can
+//! be late or lost. What changes who holds and owns a body always arrives, as it does over the network.
+//! Faults touch only what messages say of the motion of bodies.
 
 use std::collections::VecDeque;
 
@@ -11,32 +11,33 @@ use dcd::runtime::{WorldConfig, WorldError};
 use dcd::scene::Scene;
 use dcd::space::{BodyId, RegionId};
 
-/// What is wrong with exchanges.
+/// A fault of the exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fault {
-    /// By how many exchanges all motion comes late.
+    /// The number of exchanges by which all motion comes late.
     pub late: usize,
-    /// Of so many exchanges one is lost; 0 loses none.
+    /// The number of exchanges of which one is lost; 0 loses none.
     pub lost_one_in: u64,
-    /// A lost exchange is lost only to regions of higher rank, so that holders disagree on what happened; else all skip it.
+    /// Whether a lost exchange is lost only to regions of higher rank, so that holders disagree on what
+    /// happened. Otherwise all holders skip it.
     pub one_way: bool,
 }
 
 impl Fault {
-    /// All holders skip every tenth one.
+    /// All holders skip every tenth exchange.
     pub(crate) const SKIPPED: Self = Self { late: 0, lost_one_in: 10, one_way: false };
-    /// Each brings what was to come with the one before.
+    /// Each exchange brings the motion of the exchange before.
     pub(crate) const LATE: Self = Self { late: 1, lost_one_in: 0, one_way: false };
-    /// Of every tenth one, only what goes to regions of lower rank arrives.
+    /// Every tenth exchange reaches only regions of lower rank than the sender.
     pub(crate) const LOST_ONE_WAY: Self = Self { one_way: true, ..Self::SKIPPED };
 }
 
-/// One host a region.
+/// A world with one host per region.
 pub(crate) struct Fleet {
     hosts: Vec<RegionHost>,
     fault: Option<Fault>,
     exchanges: u64,
-    /// Of the exchanges before, the oldest first: who spoke to whom, and what of motion.
+    /// The motion of past exchanges that is under way, by sender and receiver, the oldest exchange first.
     under_way: VecDeque<Vec<Motion>>,
 }
 
@@ -48,7 +49,7 @@ struct Motion {
 }
 
 impl Fleet {
-    /// The scene, cut as the configuration says.
+    /// Builds the scene, cut as the configuration says.
     pub(crate) fn new(scene: &Scene, config: &WorldConfig, fault: Option<Fault>) -> Result<Self, WorldError> {
         let partition = Partition::new(config.tree()?, config.halo_m);
         let hosts = partition
@@ -67,7 +68,7 @@ impl Fleet {
         Ok(fleet)
     }
 
-    /// One tick.
+    /// Computes one tick.
     pub(crate) fn step(&mut self) -> Result<(), WorldError> {
         let rounds = self.hosts[0].settings().exchanges;
         for _ in 0..rounds {
@@ -89,12 +90,12 @@ impl Fleet {
         }
     }
 
-    /// Copies of bodies held by regions that do not own them.
+    /// Returns the number of copies of bodies that are held by regions that do not own them.
     pub(crate) fn replicas(&self) -> usize {
         self.hosts.iter().flat_map(RegionHost::regions).map(|region| region.replica_count()).sum()
     }
 
-    /// Changes of owner so far.
+    /// Returns the number of changes of owner so far.
     pub(crate) fn transfers(&self) -> u64 {
         self.hosts.iter().map(RegionHost::transfers).sum()
     }
@@ -118,7 +119,7 @@ impl Fleet {
         Ok(())
     }
 
-    /// Gives each message the motion of so many exchanges before.
+    /// Replaces the motion in each message by that of so many exchanges before.
     fn delay(&mut self, messages: &mut Vec<BorderMessage>, exchanges: usize) {
         let now = messages.iter_mut().map(|message| Motion {
             from: message.from,
@@ -133,7 +134,7 @@ impl Fleet {
         for motion in self.under_way.pop_front().expect("one was put in") {
             let Motion { from, to, states, copies } = motion;
             let place = messages.iter().position(|message| (message.from, message.to) == (from, to));
-            // Whoever has nothing to say now said something before.
+            // A region that has nothing to say now had something to say then.
             let place = place.unwrap_or_else(|| {
                 messages.push(BorderMessage { from, to, ..BorderMessage::default() });
                 messages.len() - 1
@@ -143,7 +144,7 @@ impl Fleet {
     }
 }
 
-/// What a fault can take from a message.
+/// A message from which a fault can take the motion.
 trait Lossy {
     fn forget_motion(&mut self);
 }

@@ -1,10 +1,12 @@
 //! Decides whether a reading passes.
 //!
-//! - Its error is at most that of one bare world and a tenth more, plus what rounding alone may add (`floor`: 0.1 mm for
-//!   lengths, 1e-4 m/s for speeds, 1e-4 for plain numbers), or at most the scene's own threshold.
-//! - Every body has exactly one owner at every look, none was quarantined.
-//! - Free systems keep their momentum to 1e-5 of Σ m|v|, and what rests presses on the ground with its weight to 1 %; where
-//!   one bare world misses that, its own miss and a tenth more is allowed.
+//! - **Error.** It is at most that of one bare world and a tenth more, plus what rounding alone may add
+//!   (`floor`: 0.1 mm for lengths, 1e-4 m/s for speeds, 1e-4 for plain numbers); or it is at most the scene's
+//!   own threshold.
+//! - **Bodies.** Every body has exactly one owner at every look, and none was quarantined.
+//! - **Momentum and weight.** Free systems keep their momentum to 1e-5 of Σ m|v|. What rests presses on the
+//!   ground with its weight to 1 %. Where one bare world misses that, its own miss and a tenth more is
+//!   allowed.
 
 use super::reading::Reading;
 use super::scene::Case;
@@ -12,25 +14,25 @@ use super::scene::Case;
 const MOMENTUM: f64 = 1e-5;
 const GROUND_FORCE: f64 = 0.01;
 
-/// What the gate says of a reading.
+/// The gate's verdict on a reading.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Verdict {
     /// The largest error that passes, in the unit of the case.
     pub limit: f64,
-    /// What is wrong, in words; nothing when it passes.
+    /// What is wrong, in words; empty when the reading passes.
     pub failures: Vec<String>,
-    /// Says whether more than the error is wrong, which no limit excuses.
+    /// Whether something besides the error is wrong, which no limit excuses.
     pub broken: bool,
 }
 
 impl Verdict {
-    /// Whether nothing is wrong.
+    /// Returns whether nothing is wrong.
     pub(crate) fn pass(&self) -> bool {
         self.failures.is_empty()
     }
 }
 
-/// Holds a reading against that of one bare world.
+/// Judges a reading against that of one bare world.
 pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
     let limit = (case.slack * reading.r1_error + case.floor).max(reading.threshold);
     let is_off = reading.error > limit;

@@ -1,20 +1,21 @@
-//! Lists the named limits: what fails for a cause that is known and stands in the results. At most three.
+//! Lists the named limits: failures whose cause is known and stands in the results. There are at most three
+//! causes.
 
-/// A cause, and where it shows.
+/// A known cause of failures, and where it shows.
 pub(crate) struct Limit {
-    /// Name of the experiment.
+    /// The name of the experiment.
     pub experiment: &'static str,
-    /// Labels of its cases that begin like this; empty for all.
+    /// The beginning of the labels of its cases; empty for all cases.
     pub case: &'static str,
-    /// The methods whose limit it is.
+    /// The methods that have this limit.
     pub methods: &'static [&'static str],
-    /// The most gates that the error may be: beyond that something else is wrong.
+    /// The largest error that is excused, in gates: beyond it something else is wrong.
     pub most: f64,
-    /// Why.
+    /// The cause, in words.
     pub cause: &'static str,
 }
 
-/// Three causes at most: more would be a method that does not work.
+/// All limits. Three causes at most: more would mean a method that does not work.
 pub(crate) const LIMITS: &[Limit] = &[
     Limit { experiment: "cradle", case: "", methods: OVERLAP, most: 1_000.0, cause: EDGE_IMPACT },
     Limit { experiment: "gas", case: "", methods: OVERLAP, most: 200.0, cause: EDGE_IMPACT },
@@ -26,21 +27,23 @@ pub(crate) const LIMITS: &[Limit] = &[
 
 const OVERLAP: &[&str] = &["overlap"];
 
-/// Methods that solve what meets with whole copies.
+/// The methods that solve contacts with whole copies of the bodies.
 const WHOLE: &[&str] = &["island", "auto"];
 
 const SKIPPED_GAS: &str = "one in ten skipped by all: gas";
 
-/// Of two equal balls of which only one lives in both regions, each gets 2/3 of the change of velocity that it should: the
-/// copy with half of the mass is hit in one region, its twin in the other is not, and the mean of both counts.
+/// Two equal balls collide, and only one of them lives in both regions. Each ball then gets 2/3 of the change
+/// of velocity that it should: the copy with half of the mass is hit in one region, its twin in the other is
+/// not, and the mean of both counts.
 const EDGE_IMPACT: &str = "a body at the edge of the overlap is hit with a part of its mass";
 
-/// Two regions that each see something of an island that the other does not see yet: the impulse that one of them finds is told to the
-/// other, so that nothing is lost, but the body is where it would be without it by then.
+/// Each of two regions sees a part of an island that the other does not see yet. The impulse that one of them
+/// finds is told to the other, so that nothing is lost. By then, however, the body is where it would be
+/// without that impulse.
 const CROWD: &str = "a contact that begins in a crowd may be seen by one of two regions alone";
 
-/// Returns why this case of this experiment is known to be off by so many gates, if it is. Methods that are there to be compared with
-/// are not excused.
+/// Returns the cause by which this case of this experiment is known to be off by so many gates, if there is
+/// one. Methods that are there only for comparison are not excused.
 pub(crate) fn cause(experiment: &str, case: &str, method: &str, gates: f64) -> Option<&'static str> {
     LIMITS
         .iter()

@@ -9,8 +9,8 @@ use super::record::Record;
 use crate::page;
 use crate::results::{Measured, short};
 
-/// One cell for an experiment by a method: the worst error over its gate, of all cases and numbers of regions. Below it the limits that
-/// have a name.
+/// Returns the matrix as Markdown. The cell of an experiment by a method has the worst error over its gate,
+/// of all cases and numbers of regions. Below the matrix stand the named limits that show.
 pub(super) fn table(rows: &[Measured<Record>]) -> String {
     let records: Vec<_> = rows.iter().map(|row| &row.row).collect();
     let mut experiments: Vec<(u8, &str)> = Vec::new();
@@ -40,7 +40,8 @@ pub(super) fn table(rows: &[Measured<Record>]) -> String {
     )
 }
 
-/// Bold where it fails, with the numbers of regions at which it does, and of the limit if all that fails has a known one.
+/// Returns the text of a cell. A cell that fails is bold, with the numbers of regions at which it fails, and
+/// with the numbers of the limits if all failures have a known one.
 fn cell(records: &[&Record], causes: &[&'static str]) -> String {
     let failing: Vec<_> = records.iter().filter(|record| !record.pass).copied().collect();
     let worst = |of: &[&Record]| of.iter().filter_map(|record| record.of_gate()).reduce(f64::max);
@@ -61,7 +62,8 @@ fn cell(records: &[&Record], causes: &[&'static str]) -> String {
     format!("**{}** (at {regions}{limit})", worst(&failing).map_or("fails".to_owned(), short))
 }
 
-/// Returns the limit that excuses a record: bodies that are lost it does not, nor what fails though its error is within its gate.
+/// Returns the limit that excuses a record. No limit excuses bodies that are lost, doubled or quarantined,
+/// nor a failure whose error is within its gate.
 fn cause_of(record: &Record) -> Option<&'static str> {
     let is_whole = record.lost + record.doubled + record.quarantined == 0;
     let gates = record.of_gate().filter(|&gates| is_whole && gates > 1.0)?;
@@ -80,7 +82,7 @@ fn causes(records: &[&Record]) -> Vec<&'static str> {
     causes
 }
 
-/// A limit, and where it shows.
+/// Returns a limit as text, with the experiments and methods where it shows.
 fn excused(cause: &str, records: &[&Record]) -> String {
     let failing = records.iter().filter(|record| !record.pass && cause_of(record) == Some(cause));
     let places: BTreeSet<_> =

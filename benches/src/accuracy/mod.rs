@@ -1,5 +1,5 @@
-//! Runs the accuracy suite: scenes where partitioned worlds go wrong, each with the border where it hurts, against closed forms
-//! and one bare Rapier world.
+//! Runs the accuracy suite: scenes where partitioned worlds go wrong, each with the border where it does most
+//! harm, compared with closed forms and one bare Rapier world.
 
 #[cfg(test)]
 mod baselines;
@@ -41,7 +41,7 @@ use report::{Line, Row};
 
 const SHOWN: Shown<Record> = Shown { name: "accuracy", table: matrix::table, picture: None };
 
-/// Says what is run. With `--quick` shorter and smaller scenes, a few minutes in all.
+/// Runs the accuracy suite. With `--quick` shorter and smaller scenes, a few minutes in all.
 #[derive(Args)]
 pub(crate) struct Accuracy {
     /// Only these scenes, by name or number; rows of others stay in the file.
@@ -52,16 +52,16 @@ pub(crate) struct Accuracy {
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// How regions agree.
+    /// Couplings of the regions, by name.
     #[arg(long, value_name = "METHOD", num_args = 1.., value_parser = method)]
     method: Vec<Coupling>,
-    /// Into how many regions the scenes are cut.
+    /// Numbers of regions that the scenes are cut into.
     #[arg(long, value_delimiter = ',', default_value = "1,2,4,8", value_parser = regions)]
     regions: Vec<usize>,
 }
 
 impl Accuracy {
-    /// Fails where a scene fails for a cause that has no name.
+    /// Runs the suite, and fails where a scene fails for a cause that has no name.
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
         let mut rows = Vec::new();
         self.output.fill(&SHOWN, |sheet| self.measure(sheet, &mut rows))?;
@@ -111,7 +111,7 @@ impl Accuracy {
     }
 }
 
-/// A method by its name.
+/// Returns a coupling by its name.
 fn method(name: &str) -> Result<Coupling, String> {
     Coupling::ALL.into_iter().find(|coupling| coupling.name() == name).ok_or_else(|| {
         let known: Vec<_> = Coupling::ALL.iter().map(|coupling| coupling.name()).collect();
@@ -119,7 +119,7 @@ fn method(name: &str) -> Result<Coupling, String> {
     })
 }
 
-/// A number of regions that every scene has cuts for.
+/// Parses a number of regions that every scene has cuts for.
 fn regions(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ (1 | 2 | 4 | 8)) => Ok(count),
@@ -127,7 +127,7 @@ fn regions(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A method with as many exchanges per tick as suit it.
+/// Sets a coupling, with as many exchanges per tick as suit it.
 pub(crate) fn use_method(config: &mut WorldConfig, method: Coupling) {
     config.step.coupling = method;
     config.step.exchanges = method.usual_exchanges();
@@ -136,13 +136,15 @@ pub(crate) fn use_method(config: &mut WorldConfig, method: Coupling) {
 /// The settings of a bare world for a case.
 type Settings = fn(&Case) -> Bare;
 
-/// Bare worlds that are finer than R1: by a sixteenth of its dt, and by contacts four times as stiff.
+/// Bare worlds that are finer than R1: R2 has a sixteenth of its dt, R3 has contacts of four times the
+/// natural frequency.
 const FINER: [(&str, Settings); 2] = [
     ("R2", |case| Bare { dt_s: Some(case.scenes[0].dt_s / 16.0), iterations: Some(16), ..Bare::default() }),
     ("R3", |_| Bare { iterations: Some(16), contact_hz: Some(120.0), ..Bare::default() }),
 ];
 
-/// All rows of one experiment: R1, finer references where they are wanted, then every method at every number of regions.
+/// Measures all rows of one experiment: R1, finer references where they are wanted, then every method at
+/// every number of regions.
 fn run(
     experiment: &Experiment,
     size: Size,

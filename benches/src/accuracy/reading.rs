@@ -1,4 +1,4 @@
-//! Measures the error of a case by any setup, against what one bare Rapier world makes of it.
+//! Measures the error of a case in any setup, against the run of one bare Rapier world.
 //!
 //! Other parts of this package measure single experiments with it:
 //!
@@ -10,7 +10,8 @@
 //! }
 //! ```
 //!
-//! The scenes of a case run on the threads of rayon's pool; whoever times them installs a pool of one thread.
+//! The scenes of a case run on the threads of rayon's pool. Callers that time them install a pool of one
+//! thread.
 
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::WorldError;
@@ -23,18 +24,18 @@ use super::scene::{Case, Measure};
 use super::trace::Trace;
 use super::world::{Bare, Setup};
 
-/// What stands for an error that is no number: bodies lost, or thrown to infinity.
+/// The error that stands for one that is no number: bodies lost, or thrown to infinity.
 pub(super) const BROKEN: f64 = 1e9;
 
-/// How far aside one body of a twin starts: the least that f32 sees at ten metres.
+/// How far aside one body of a twin starts: the smallest step that f32 resolves at ten metres.
 const NUDGE_M: f64 = 1e-6;
 
-/// What one bare Rapier world with the scene's own settings makes of a case (R1).
+/// The result of one bare Rapier world with the scene's own settings (R1) for a case.
 pub(crate) struct Reference {
     traces: Vec<Trace>,
-    /// Of a chaotic case: mean and standard deviation of each figure.
+    /// The mean and standard deviation of each figure; empty unless the case is chaotic.
     spreads: Vec<Spread>,
-    /// Its own reading.
+    /// R1's own reading.
     pub r1: Reading,
 }
 
@@ -44,18 +45,18 @@ struct Spread {
     deviation: f64,
 }
 
-/// What came of a run.
+/// The outcome of the runs of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Reading {
-    /// In the unit of the case.
+    /// The error, in the unit of the case.
     pub error: f64,
-    /// What one bare world has for it: the gate compares the two.
+    /// The error of one bare world, with which the gate compares it.
     pub r1_error: f64,
-    /// An error up to this always passes.
+    /// The largest error that always passes.
     pub threshold: f64,
-    /// |P − P₀| / Σ m|v|, largest of the run, if momentum must stay.
+    /// The largest |P − P₀| / Σ m|v| of the run; `None` unless momentum must stay.
     pub momentum_error: Option<f64>,
-    /// |mean ground force / weight − 1| of the last second, if all rests on the ground then.
+    /// |mean ground force / weight − 1| of the last second; `None` unless all rests on the ground then.
     pub ground_error: Option<f64>,
     /// Bodies without an owner at any look.
     pub lost: usize,
@@ -69,14 +70,14 @@ pub(crate) struct Reading {
     pub transfers: u64,
     /// Copies of bodies held by regions that do not own them, mean of all steps.
     pub replicas_mean: f64,
-    /// Wall time of a step, of all runs together.
+    /// The wall time of a step, over all runs together.
     pub step_ms: StepTimes,
-    /// Simulated seconds a second of wall time.
+    /// Simulated seconds per second of wall time.
     pub rtf: f64,
 }
 
 impl Reference {
-    /// Runs the bare world.
+    /// Runs the bare world, and its twins where the case needs them.
     pub(crate) fn of(case: &Case) -> Result<Self, WorldError> {
         let of_reference = case.reference_scenes.as_ref().unwrap_or(&case.scenes);
         let bare = Setup::Bare(Bare::default());
@@ -101,7 +102,7 @@ impl Reference {
         let own = own.as_ref().unwrap_or(&traces);
         let mut outcome = outcome(case, own, &traces, &spreads);
         if !spreads.is_empty() {
-            // One world is as far off as its runs are from each other.
+            // One world's error is how far its runs are from each other.
             outcome.error = spreads.iter().map(|spread| spread.deviation).fold(0.0, f64::max);
             outcome.r1_error = Some(outcome.error);
         }
@@ -110,7 +111,7 @@ impl Reference {
     }
 }
 
-/// Runs a case by any setup.
+/// Runs a case in any setup, and reads its error.
 pub(crate) fn read(case: &Case, setup: &Setup<'_>, reference: &Reference) -> Result<Reading, WorldError> {
     let traces = traces(case, &case.scenes, setup)?;
     let outcome = outcome(case, &traces, &reference.traces, &reference.spreads);
@@ -125,16 +126,17 @@ fn nudged_traces(case: &Case, bare: &Setup<'_>) -> Result<Vec<Trace>, WorldError
     traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), bare)
 }
 
-/// What the gate compares.
+/// The figures that the gate compares.
 #[derive(Clone, Copy)]
 struct Outcome {
     error: f64,
-    /// Of one world, if it is not that of its own reading.
+    /// The error of one world, where it is not that of its own reading.
     r1_error: Option<f64>,
     threshold: f64,
 }
 
-/// The error of some runs; for statistics of the figure that is worst by what is allowed.
+/// Returns the error of some runs; for statistics, that of the figure that is worst in relation to what is
+/// allowed.
 fn outcome(case: &Case, traces: &[Trace], r1: &[Trace], spreads: &[Spread]) -> Outcome {
     let threshold = case.threshold.unwrap_or(0.0);
     match &case.measure {
@@ -166,7 +168,7 @@ fn outcome(case: &Case, traces: &[Trace], r1: &[Trace], spreads: &[Spread]) -> O
 }
 
 impl Spread {
-    /// Mean and sample standard deviation.
+    /// Returns the mean and the sample standard deviation.
     fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
@@ -199,12 +201,12 @@ impl Reading {
     }
 }
 
-/// The error, or what stands for one that is no number.
+/// Returns the error, at most `BROKEN`, which also stands for an error that is no number.
 pub(crate) fn finite(error: f64) -> f64 {
     if error.is_finite() { error.min(BROKEN) } else { BROKEN }
 }
 
-/// The largest; what is no number is worst.
+/// Returns the largest error; what is no number is worst.
 pub(crate) fn worst(errors: impl Iterator<Item = f64>) -> f64 {
     errors.map(finite).fold(0.0, f64::max)
 }
@@ -215,7 +217,7 @@ fn ground_error(trace: &Trace) -> f64 {
     (trace.ground_ratios.iter().sum::<f64>() / count as f64 - 1.0).abs()
 }
 
-/// The same scene with one body a little aside.
+/// Returns the same scene with one body moved a little aside.
 fn nudged(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     let dynamic: Vec<_> = (0..scene.bodies.len())
@@ -227,7 +229,7 @@ fn nudged(scene: &Scene) -> Scene {
 
 #[cfg(test)]
 impl Reading {
-    /// A run of which nothing but the error is said, to be judged and reported.
+    /// Returns a reading that has an error and nothing else, to be judged and reported.
     pub(crate) fn plain(error: f64, r1_error: f64) -> Self {
         Self {
             error,

@@ -1,22 +1,22 @@
-//! Keeps one case by one method at one number of regions, as it stands in the CSV.
+//! Keeps the result of one case by one method at one number of regions, as it stands in the CSV.
 
 use serde::{Deserialize, Serialize};
 
-/// Says what came of a case.
+/// The result of a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record {
-    /// Number of the experiment, and its name.
+    /// The number and the name of the experiment.
     pub(super) scene: u8,
     pub(super) name: String,
     pub(super) case: String,
     /// Name of the coupling, or R1, R2, R3.
     pub(super) method: String,
-    /// 0: a bare world.
+    /// The number of regions; 0: a bare world.
     pub(super) regions: usize,
     pub(super) error: f64,
     pub(super) r1_error: f64,
     pub(super) unit: String,
-    /// The largest error that passes; none where nothing is asked of it.
+    /// The largest error that passes; `None` where nothing is asked of it.
     pub(super) threshold: Option<f64>,
     pub(super) pass: bool,
     pub(super) momentum_error: Option<f64>,
@@ -26,7 +26,7 @@ pub(crate) struct Record {
     pub(super) quarantined: usize,
     pub(super) transfers: u64,
     pub(super) replicas_mean: f64,
-    /// Simulated seconds a second of wall time, and milliseconds a step.
+    /// Simulated seconds per second of wall time; below, milliseconds per step.
     pub(super) rtf: f64,
     pub(super) p50_ms: Option<f64>,
     pub(super) p99_ms: Option<f64>,
@@ -34,7 +34,7 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// The error in gates: 1 just passes.
+    /// Returns the error in gates: 1 just passes.
     pub(super) fn of_gate(&self) -> Option<f64> {
         self.threshold.map(|threshold| self.error / threshold)
     }

@@ -1,4 +1,5 @@
-//! Prints the results: a table as it grows, JSON with the worst case of each row; and makes records of every case.
+//! Prints the results: a table as it grows, then JSON with the worst case of each row. Makes a record of
+//! every case.
 
 use std::fmt::Write as _;
 
@@ -16,25 +17,25 @@ pub(crate) struct Line {
     pub case: String,
     /// Unit of the errors.
     pub unit: &'static str,
-    /// What came of it.
+    /// The outcome of the case.
     pub reading: Reading,
-    /// What the gate says; none for the bare worlds themselves.
+    /// The gate's verdict; `None` for the bare worlds themselves.
     pub verdict: Option<Verdict>,
 }
 
-/// An experiment by one method at one number of regions: the worst of its cases.
+/// An experiment by one method at one number of regions; the worst of its cases stands for it.
 pub(crate) struct Row {
     number: u8,
     name: &'static str,
     /// Name of the coupling, or R1, R2, R3.
     method: &'static str,
-    /// 0 is a bare world.
+    /// The number of regions; 0 is a bare world.
     regions: usize,
     lines: Vec<Line>,
 }
 
 impl Line {
-    /// A case held against one bare world.
+    /// Makes the line of a case from its reading and verdict.
     pub(crate) fn new(case: &Case, reading: Reading, verdict: Option<Verdict>) -> Self {
         Self { case: case.label.clone(), unit: case.unit, reading, verdict }
     }
@@ -47,20 +48,20 @@ impl Line {
         self.verdict.as_ref().map_or(f64::NAN, |verdict| verdict.limit)
     }
 
-    /// Returns the cause, if this case of an experiment is off and no more than is known of the method.
+    /// Returns the cause, if this case of an experiment is off by no more than is known of the method.
     fn known_limit(&self, experiment: &str, method: &str) -> Option<&'static str> {
         let verdict = self.verdict.as_ref().filter(|verdict| !verdict.broken)?;
         limits::cause(experiment, &self.case, method, self.reading.error / verdict.limit)
     }
 
-    /// Failures first, then by error in parts of what is allowed.
+    /// Returns the sort key: failures first, then the error over its limit.
     fn badness(&self) -> (bool, f64) {
         (!self.pass(), self.reading.error / self.limit())
     }
 }
 
 impl Row {
-    /// The cases of an experiment together.
+    /// Puts the cases of an experiment together.
     pub(crate) fn new(
         experiment: &Experiment,
         method: &'static str,
@@ -70,24 +71,24 @@ impl Row {
         Self { number: experiment.number, name: experiment.name, method, regions, lines }
     }
 
-    /// Whether it is one of the bare worlds, which nothing is asked of.
+    /// Returns whether it is one of the bare worlds, of which nothing is asked.
     pub(crate) fn is_bare(&self) -> bool {
         self.regions == 0
     }
 
-    /// Whether all cases pass.
+    /// Returns whether all cases pass.
     pub(crate) fn pass(&self) -> bool {
         self.lines.iter().all(Line::pass)
     }
 
-    /// The cause, if every case that fails has a known one.
+    /// Returns the cause, if every case that fails has a known one.
     pub(crate) fn known_limit(&self) -> Option<&'static str> {
         let failing = self.lines.iter().filter(|line| !line.pass());
         let causes: Option<Vec<_>> = failing.map(|line| line.known_limit(self.name, self.method)).collect();
         causes?.first().copied()
     }
 
-    /// The case that stands for the experiment.
+    /// Returns the case that stands for the experiment.
     fn worst(&self) -> &Line {
         let worse = |a: &&Line, b: &&Line| {
             let ((a_fails, a), (b_fails, b)) = (a.badness(), b.badness());
@@ -96,11 +97,11 @@ impl Row {
         self.lines.iter().max_by(worse).expect("an experiment has cases")
     }
 
-    /// Over the lines of the table.
+    /// The heading of the table.
     pub(crate) const HEAD: &str =
         " #  scene           method   regions        error     R1 error        limit unit     worst case";
 
-    /// A line of the table, and one for every case that fails.
+    /// Returns a line of the table, and one for every case that fails.
     pub(crate) fn table(&self) -> String {
         let worst = self.worst();
         let Self { number, name, method, regions, .. } = self;
@@ -126,7 +127,7 @@ impl Row {
         text
     }
 
-    /// As in the JSON's list.
+    /// Returns the row as an entry of the JSON's list.
     pub(crate) fn json(&self) -> Value {
         let worst = self.worst();
         json!({
@@ -143,7 +144,7 @@ impl Row {
         })
     }
 
-    /// One for each case.
+    /// Returns one record per case.
     pub(crate) fn records(&self) -> impl Iterator<Item = Record> + '_ {
         self.lines.iter().map(|line| {
             let Line { case, unit, reading, verdict } = line;
@@ -237,7 +238,7 @@ pub(super) mod tests {
         assert!(json["threshold"].is_null() && json["known_limit"].is_null());
     }
 
-    /// Of the tower, by `auto` in four regions.
+    /// Returns a record of the tower, by `auto` in four regions.
     pub(in super::super) fn record(case: &str, error: f64, limit: f64) -> Record {
         row(vec![line(case, error, limit)]).records().next().unwrap()
     }

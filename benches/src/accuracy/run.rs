@@ -64,7 +64,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
     Ok(run)
 }
 
-/// The world of a scene of a case, its dt and its solver iterations per tick.
+/// Returns the world of a scene of a case, its dt and its solver iterations per tick.
 pub(crate) fn world_of(
     case: &Case,
     scene: &Scene,
@@ -101,7 +101,7 @@ pub(crate) fn world_of(
                 Some(_) if *regions > 1 => World::Apart(Fleet::new(scene, &config, case.fault)?),
                 _ => World::Cut(Box::new(LocalWorld::from_scene(scene, config)?)),
             };
-            // As many as all substeps of a tick have together.
+            // The iterations of all substeps of a tick together.
             let iterations = step.exchanges * step.solver_iterations.div_ceil(step.exchanges);
             Ok((world, step.dt_s, iterations))
         }
@@ -111,7 +111,7 @@ pub(crate) fn world_of(
 fn look(scene: &Scene, world: &World, t_s: f64) -> Look {
     let mut bodies = vec![None; scene.bodies.len()];
     for (id, _, pose, velocity) in world.states() {
-        // Body i of a scene is the i-th persistent one.
+        // Body i of a scene is the i-th persistent body.
         bodies[id.bits() as usize] = Some((pose, velocity));
     }
     let mut depths_m = world.penetrations_m();

@@ -1,4 +1,5 @@
-//! Describes an experiment: scenes, where they are cut, and a formula that turns what was seen into one error.
+//! Describes an experiment: scenes, the planes that cut them, and a formula that turns what was observed into
+//! one error.
 
 use dcd::scene::Scene;
 use dcd::space::Axis;
@@ -7,33 +8,34 @@ use super::fleet::Fault;
 use super::trace::Trace;
 use super::world::World;
 
-/// One row of the suite.
+/// An experiment, one row of the suite.
 pub(crate) struct Experiment {
     /// Its number in the suite.
     pub number: u8,
-    /// As it is asked for.
+    /// The name by which it is asked for.
     pub name: &'static str,
-    /// What is measured, as a formula.
+    /// The metric, as a formula.
     pub metric: &'static str,
     /// Its variants; the worst of them stands for the experiment.
     pub cases: fn(Size) -> Vec<Case>,
-    /// Into how many regions it is cut besides those asked for.
+    /// Numbers of regions that it is cut into besides those asked for.
     pub more_regions: &'static [usize],
-    /// Whether the time error (R2) and the compliance of contacts (R3) of one world add to the picture.
+    /// Whether two finer bare worlds add to the picture: R2 shows the time error of one world, R3 the
+    /// compliance of its contacts.
     pub finer: bool,
 }
 
-/// How long and how large.
+/// The length and size of the experiments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Size {
     /// For CI: all experiments together take a few minutes.
     Quick,
-    /// As the suite says.
+    /// As the suite defines it.
     Full,
 }
 
 impl Size {
-    /// One of two values.
+    /// Returns one of two values, by size.
     pub(crate) fn pick<T>(self, quick: T, full: T) -> T {
         match self {
             Self::Quick => quick,
@@ -45,13 +47,13 @@ impl Size {
 /// A plane through the world: an axis and metres on it.
 pub(crate) type Cut = (Axis, f64);
 
-/// The planes that make so many regions.
+/// The planes that make a given number of regions.
 pub(crate) type Cuts = Box<dyn Fn(usize) -> Vec<Cut> + Send + Sync>;
 
-/// What is done to the world before each step, told the simulated seconds so far.
+/// A function that acts on the world before each step, given the simulated seconds so far.
 pub(crate) type Drive = Box<dyn Fn(&mut World, f64) + Send + Sync>;
 
-/// The error of a run, beside one bare world's.
+/// The error of a run, given the run and that of one bare world.
 pub(crate) type Formula = Box<dyn Fn(&Trace, &Trace) -> f64 + Send + Sync>;
 
 /// Figures of a run, all in one unit.
@@ -60,77 +62,78 @@ pub(crate) type Figures = Box<dyn Fn(&Trace) -> Vec<Figure> + Send + Sync>;
 /// One figure of a chaotic run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Figure {
-    /// What it is.
+    /// The value of the figure.
     pub value: f64,
-    /// On which side of one world's mean a run may be as well.
+    /// The side of one world's mean on which a run is no worse.
     pub better: Better,
-    /// An error up to this always passes.
+    /// The largest error that always passes.
     pub within: f64,
 }
 
-/// Where a figure is better than that of one world, so that being there is no error.
+/// Where a figure is better than that of one world, so that its distance is no error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Better {
     /// Nowhere.
     Nowhere,
-    /// Below it, as of penetration.
+    /// Below one world's figure, as for penetration.
     Less,
-    /// Between it and what is right.
+    /// Between one world's figure and the right one.
     Towards(f64),
 }
 
-/// How runs become an error.
+/// How runs are reduced to an error.
 pub(crate) enum Measure {
-    /// The worst of a case's runs counts.
+    /// By a formula; the worst of a case's runs counts.
     Formula(Formula),
-    /// For what is chaotic. The error is how far the mean of a figure over all seeds is from that of one bare world and its
-    /// twins (one body of which starts 1 µm aside); the error of one world is the standard deviation of its own runs and
-    /// their twins. Of several figures the one counts that is worst by what is allowed.
+    /// By figures, for chaotic scenes. The error is the distance of a figure's mean over all seeds from that
+    /// of one bare world and its twins, in which one body starts 1 µm aside. The error of one world is the
+    /// standard deviation of its own runs and their twins. Of several figures, the one counts that is worst
+    /// in relation to what is allowed.
     Statistics(Figures),
 }
 
 /// A variant of an experiment.
 pub(crate) struct Case {
-    /// Tells it from the other variants.
+    /// The label that tells it from the other variants.
     pub label: String,
-    /// What is run. Several scenes are several seeds of the same, measured together.
+    /// The scenes that are run. Several scenes are several seeds of the same, measured together.
     pub scenes: Vec<Scene>,
-    /// What one bare world is run with for the reference, where that is another scene.
+    /// The scenes that one bare world is run with for the reference, where they are others.
     pub reference_scenes: Option<Vec<Scene>>,
-    /// Positions are compared before chaos grows: what one world has for an error is that of a twin, one body of which
-    /// starts 1 µm aside. Regions exchange once a tick then, since a ball that bounces in a substep is elsewhere than
-    /// one that bounces in a whole step.
+    /// Whether positions are compared before chaos grows. The error of one world is then that of its twin, in
+    /// which one body starts 1 µm aside. Regions then exchange once per tick, since a ball that bounces in a
+    /// substep is elsewhere than one that bounces in a whole step.
     pub early: bool,
-    /// Simulated seconds.
+    /// The simulated seconds of a run.
     pub seconds: f64,
-    /// Simulated seconds from one look at the bodies to the next; 0 looks after every step.
+    /// The simulated seconds from one look at the bodies to the next; 0 looks after every step.
     pub look_s: f64,
-    /// Where the border hurts, for each number of regions.
+    /// The planes that put borders where they hurt, for each number of regions.
     pub cuts: Cuts,
     /// What acts on the world from outside.
     pub drive: Option<Drive>,
-    /// The error.
+    /// How runs become an error.
     pub measure: Measure,
     /// Unit of the error; empty for plain numbers.
     pub unit: &'static str,
-    /// An error up to this always passes, in the unit of the error.
+    /// The largest error that always passes, in the unit of the error.
     pub threshold: Option<f64>,
-    /// How often the error of one world is allowed.
+    /// The factor on the error of one world that is allowed.
     pub slack: f64,
     /// What rounding alone may add to the error of one world, in the unit of the error.
     pub floor: f64,
-    /// Nothing acts from outside, so momentum must stay.
+    /// Whether nothing acts from outside, so that momentum must stay.
     pub free: bool,
-    /// In the last second everything rests on fixed ground, so that must carry the weight.
+    /// Whether everything rests on fixed ground in the last second, so that the ground must carry the weight.
     pub rests: bool,
-    /// How many pairs of colliders must touch at the end.
+    /// The number of pairs of colliders that must touch at the end.
     pub pairs: Option<usize>,
-    /// What is wrong with exchanges.
+    /// The fault of the exchanges.
     pub fault: Option<Fault>,
 }
 
 impl Better {
-    /// How far a mean is off that of one world, where that is an error.
+    /// Returns how far a mean is off that of one world, where that is an error.
     pub(crate) fn error(self, mean: f64, one_world: f64) -> f64 {
         let off = mean - one_world;
         match self {
@@ -144,7 +147,7 @@ impl Better {
 }
 
 impl Case {
-    /// A case of one scene with the usual floor of 0.1 mm.
+    /// Makes a case of one scene with the usual floor of 0.1 mm.
     pub(crate) fn new(
         label: impl Into<String>,
         scene: Scene,
@@ -155,7 +158,7 @@ impl Case {
         Self::of(label, vec![scene], seconds, cuts, Measure::Formula(Box::new(measure)))
     }
 
-    /// A case of several scenes.
+    /// Makes a case of several scenes.
     pub(crate) fn of(
         label: impl Into<String>,
         scenes: Vec<Scene>,
@@ -184,7 +187,7 @@ impl Case {
         }
     }
 
-    /// Another formula.
+    /// Sets another formula.
     pub(crate) fn measured_by(
         mut self,
         measure: impl Fn(&Trace, &Trace) -> f64 + Send + Sync + 'static,
@@ -193,25 +196,25 @@ impl Case {
         self
     }
 
-    /// Measured, but nothing is asked of the error.
+    /// Measures the error, but asks nothing of it.
     pub(crate) fn charted(mut self) -> Self {
         (self.threshold, self.rests) = (Some(f64::INFINITY), false);
         self
     }
 
-    /// The error's unit and floor, where it is no length.
+    /// Sets the unit and the floor of an error that is no length.
     pub(crate) fn in_unit(mut self, unit: &'static str, floor: f64) -> Self {
         (self.unit, self.floor) = (unit, floor);
         self
     }
 
-    /// An error up to this always passes.
+    /// Lets an error up to this always pass.
     pub(crate) fn within(mut self, threshold: f64) -> Self {
         self.threshold = Some(threshold);
         self
     }
 
-    /// Something acts on the world before each step; it is told the simulated seconds so far.
+    /// Lets something act on the world before each step; it is told the simulated seconds so far.
     pub(crate) fn driven(mut self, drive: impl Fn(&mut World, f64) + Send + Sync + 'static) -> Self {
         self.drive = Some(Box::new(drive));
         self
@@ -223,26 +226,27 @@ impl Case {
         self
     }
 
-    /// Everything rests on fixed ground at the end.
+    /// States that everything rests on fixed ground at the end.
     pub(crate) fn resting(mut self) -> Self {
         self.rests = true;
         self
     }
 
-    /// Nothing acts from outside.
+    /// States that nothing acts from outside.
     pub(crate) fn free(mut self) -> Self {
         self.free = true;
         self
     }
 }
 
-/// The first planes of a list that give so many regions: for parallel planes, each of which adds one.
+/// Returns the first planes of a list, as many as give so many regions: for parallel planes, each of which
+/// adds one.
 pub(crate) fn planes(axis: Axis, planes: impl Into<Vec<f64>>) -> impl Fn(usize) -> Vec<Cut> {
     let planes = planes.into();
     move |regions| planes[..regions - 1].iter().map(|&at| (axis, at)).collect()
 }
 
-/// Three planes across each other through one point: 2, 4 or 8 regions meet there.
+/// Returns up to three planes across each other through one point, where 2, 4 or 8 regions meet.
 pub(crate) fn corner(axes: [Axis; 3], point: [f64; 3]) -> impl Fn(usize) -> Vec<Cut> {
     move |regions| {
         let count = regions.ilog2() as usize;

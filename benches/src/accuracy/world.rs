@@ -1,4 +1,5 @@
-//! Builds and steps the worlds that a case is run by: one bare Rapier world, one cut into regions, or regions whose exchanges fail.
+//! Defines and steps the worlds that run a case: one bare Rapier world, one cut into regions, or regions
+//! whose exchanges fail.
 
 use dcd::physics::{Measured, View};
 use dcd::rapier3d::prelude::*;
@@ -7,45 +8,46 @@ use dcd::space::BodyId;
 
 use super::fleet::Fleet;
 
-/// What a scene is computed by.
+/// The way in which a scene is computed.
 #[derive(Clone, Copy)]
 pub(crate) enum Setup<'a> {
     /// One bare Rapier world.
     Bare(Bare),
     /// Regions, as the case cuts them.
     Cut {
-        /// How many.
+        /// The number of regions.
         regions: usize,
-        /// Changes the configuration that the scene asks for.
+        /// A function that changes the configuration that the scene asks for.
         adjust: &'a (dyn Fn(&mut WorldConfig) + Sync),
     },
 }
 
-/// Settings of a bare world; those not given are the scene's and Rapier's.
+/// The settings of a bare world; those not given are the scene's and Rapier's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Bare {
-    /// Seconds a step.
+    /// Seconds per step.
     pub dt_s: Option<f32>,
-    /// Solver iterations a step.
+    /// Solver iterations per step.
     pub iterations: Option<usize>,
-    /// Natural frequency of contacts between moving bodies; twice that for contacts with fixed ones, as Rapier has it.
+    /// The natural frequency of contacts between moving bodies, Hz. Contacts with fixed bodies have twice
+    /// that, as in Rapier.
     pub contact_hz: Option<f32>,
     /// Threads of Rapier's own `parallel`; one if not given.
     pub threads: Option<usize>,
 }
 
-/// What is stepped.
+/// A world that is stepped.
 pub(crate) enum World {
-    /// One bare Rapier world, none of our code in its step: the reference.
+    /// One bare Rapier world with none of our code in its step: the reference.
     Bare(Box<PhysicsWorld>),
     /// A world cut into regions.
     Cut(Box<LocalWorld>),
-    /// The same, each region by itself, with faults between them.
+    /// The same, with one host per region and faults between them.
     Apart(Fleet),
 }
 
 impl World {
-    /// One tick.
+    /// Computes one tick.
     pub(crate) fn step(&mut self) -> Result<(), WorldError> {
         match self {
             Self::Bare(world) => world.step(),
@@ -66,7 +68,7 @@ impl World {
         }
     }
 
-    /// Copies of bodies held by regions that do not own them.
+    /// Returns the number of copies of bodies that are held by regions that do not own them.
     pub(crate) fn replicas(&self) -> usize {
         match self {
             Self::Bare(_) => 0,
@@ -75,7 +77,7 @@ impl World {
         }
     }
 
-    /// Changes of owner so far.
+    /// Returns the number of changes of owner so far.
     pub(crate) fn transfers(&self) -> u64 {
         match self {
             Self::Bare(_) => 0,

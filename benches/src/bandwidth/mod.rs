@@ -1,5 +1,5 @@
-//! Measures what it costs to tell a client of a scene: bytes by field, over networks that delay and lose, in a simulation of a leader
-//! that has one client. Nothing in it depends on the machine.
+//! Measures what it costs to tell a client the states of a scene: bytes by field, over networks that delay
+//! and lose. It simulates a leader that has one client. Nothing but the times depends on the machine.
 
 mod picture;
 
@@ -19,12 +19,12 @@ use crate::output::{Output, Sheet, Shown};
 use crate::results::short;
 
 const SHOWN: Shown<Row> = Shown { name: "bandwidth", table: picture::table, picture: Some(picture::picture) };
-/// Leaders tell of every third tick.
+/// Leaders tell the states of every third tick.
 const EVERY: u64 = 3;
-/// Headers of UDP, QUIC and the message, and those of IP.
+/// Bytes of headers per datagram: those of UDP, QUIC and the message, and those of IP.
 const DATAGRAM_COST: u64 = 90 + 28;
 
-/// Says how long each run takes, and where its results go.
+/// The settings of a run: how long it takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Bandwidth {
     /// Ticks of each run.
@@ -34,7 +34,7 @@ pub(crate) struct Bandwidth {
     output: Output,
 }
 
-/// What a client costs of one scene over one network.
+/// The cost of a client of one scene over one network.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     scene: String,
@@ -53,17 +53,18 @@ struct Row {
     turn: f64,
     velocity: f64,
     spin: f64,
-    /// Bytes of headers, per state.
+    /// Bytes of headers per state.
     headers: f64,
-    /// Microseconds to code a state, and to read it.
+    /// Microseconds to code a state, and to read one.
     code_us: f64,
     read_us: f64,
-    /// The same to code for 64 clients, over the time of the steps.
+    /// The time to code for 64 clients, over the time of the steps.
     clients_64: f64,
     told_error_max_mm: f64,
 }
 
-/// The network between leader and client: ticks each way, more at random, and the share of packets that is lost.
+/// A network between leader and client: its name, the ticks each way, the most ticks added at random on the
+/// way to the client, and the share of packets that is lost.
 type Network = (&'static str, u64, u64, f64);
 
 const NETWORKS: [Network; 4] = [
@@ -73,7 +74,8 @@ const NETWORKS: [Network; 4] = [
     ("200 ± 20 ms, 1 % lost", 12, 2, 0.01),
 ];
 
-/// Scenes by name and parameters. In `sweep` some sixty cubes are pushed about by a short arm, and some three hundred by a long one.
+/// The scenes by name and parameters. In `sweep` a short arm pushes some sixty cubes about, and a long one
+/// some three hundred.
 const SCENES: [(&str, &[(&str, &str)]); 5] = [
     ("sweep", &[]),
     ("sweep, long arm", &[("reach", "13")]),
@@ -88,7 +90,7 @@ struct Run {
     step: StepRecord,
 }
 
-/// Opens the scene that the first word names.
+/// Opens the scene that the first word of `name` names.
 pub(crate) fn open(name: &str, params: &[(&str, &str)]) -> Result<Scene, Box<dyn Error>> {
     let params = params.iter().fold(Params::new(), |all, (name, value)| all.with(name, value));
     Ok(Scene::open(name.split(',').next().unwrap_or(name), &params)?)
@@ -128,7 +130,7 @@ impl Bandwidth {
     }
 }
 
-/// One client, and the way to it.
+/// One client, and the network on the way to it.
 struct Way {
     network: Network,
     sender: Sender,
@@ -138,7 +140,7 @@ struct Way {
     bytes: u64,
     datagrams: u64,
     states: u64,
-    /// Where bodies were of which states were sent, by tick.
+    /// The places of the bodies whose states were sent, by tick.
     sent: BTreeMap<Tick, BTreeMap<BodyId, [f64; 3]>>,
     worst: f64,
     code: Duration,

@@ -6,7 +6,7 @@ use crate::results::{Measured, short};
 
 use super::{NETWORKS, Row};
 
-/// A field's name and its bits of a state.
+/// A field's name, and the function that returns its bits per state.
 type Field = (&'static str, fn(&Row) -> f64);
 
 const FIELDS: [Field; 8] = [
@@ -20,7 +20,7 @@ const FIELDS: [Field; 8] = [
     ("headers", |row| 8.0 * row.headers),
 ];
 
-/// A panel a scene.
+/// Draws a panel per scene.
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let mut scenes: Vec<_> = rows.iter().map(|row| &*row.row.scene).collect();
     scenes.dedup();

@@ -1,19 +1,20 @@
-/* What calls of the C API cost, seen from C. One figure a line: its name and its value.
+/* Measures what calls of the C API cost, as C sees them. It prints one figure per line: its name and its value.
  *
- *   calls read BODIES REPEATS          ns a body: through the view, from an array of one's own, by a list of ids, one by
- *                                      one; the first two after something else was read, and again at once
- *   calls step BODIES STEPS            ms a step of a pile, the median
- *   calls viewed BODIES STEPS          the same with the view; a program of its own, as the second world of a program
+ *   calls read BODIES REPEATS          ns per body: through the view, from an array of one's own, by a list of ids,
+ *                                      one by one; the first two after something else was read, and again at once
+ *   calls step BODIES STEPS            ms per step of a pile, the median
+ *   calls viewed BODIES STEPS          the same with the view. It needs a run of its own: the second world of a program
  *                                      steps some percent slower than its first, seen or not
- *   calls made BODIES ROUNDS           ns a box: to make it, what the first step with it takes besides, and to destroy it
- *                                      after that; each the least of so many rounds
+ *   calls made BODIES ROUNDS           ns per box: to make it, for the first step after that, and to destroy it after
+ *                                      that; each the least of so many rounds
  *   calls rays BODIES RAYS REGIONS THREADS
- *                                      ns a ray into such boxes, all rays by one call, and ns a ball that moves along such a ray: each the
- *                                      least of some calls
- *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
- *                                      for it, in which what was shared is copied; medians
+ *                                      ns per ray into such boxes, all rays in one call, and ns per ball that moves
+ *                                      along such a ray; each the least of some calls
+ *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and by which the next step,
+ *                                      in which what was shared is copied, takes longer for either; medians
  *   calls game BODIES STEPS REGIONS PLANE
- *                                      ms of the CPU a step of a game, the mean; four regions are cut at x = z = PLANE
+ *                                      ms of the CPU per step of a game, the mean; four regions are cut at
+ *                                      x = z = PLANE
  *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
 #define _POSIX_C_SOURCE 200809L
 
@@ -53,10 +54,10 @@ static void *allocate(size_t count, size_t size)
     return memory;
 }
 
-/* A result that the compiler must believe is used. */
+/* Takes a result, so that the compiler must believe that it is used. */
 static volatile double sink;
 
-/* What a game would do with poses at least. */
+/* Does with poses the least that a game would do. */
 static void look_at(const DcdPose *poses, size_t count)
 {
     double sum = 0.0;
@@ -67,11 +68,11 @@ static void look_at(const DcdPose *poses, size_t count)
     sink = sum;
 }
 
-/* The ways of reading, in turn: what lies between two of a kind has pushed them out of the caches. */
+/* The ways of reading, in turn. What is read between two reads of a kind pushes their data out of the caches. */
 enum { LIST, VIEW, VIEW_AGAIN, GET, OWN, OWN_AGAIN, WAYS };
 static const char *const WAY_NAMES[WAYS] = { "list", "view", "view_again", "get", "own", "own_again" };
 
-/* Bodies that fly freely: what is read does not depend on what they do. */
+/* Measures reads of bodies that fly freely: the cost of a read does not depend on what bodies do. */
 static void reading(size_t count, size_t repeats)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -167,7 +168,7 @@ static double median_step_ms(size_t bodies, size_t steps, bool viewed)
     return median;
 }
 
-/* A world for boxes that do not touch: what a step does with them depends little on how many steps there were. */
+/* Makes a world for boxes that do not touch: the work of a step depends little on the number of steps before. */
 static DcdWorld world_for_boxes(uint32_t regions, uint32_t threads, DcdBodyDef *box)
 {
     const float half[3] = { 0.5f, 0.5f, 0.5f };
@@ -180,7 +181,7 @@ static DcdWorld world_for_boxes(uint32_t regions, uint32_t threads, DcdBodyDef *
     return world;
 }
 
-/* Boxes in a grid, a metre and a half apart. */
+/* Makes boxes in a grid, a metre and a half apart. */
 static void make_boxes(DcdWorld world, DcdBodyDef *box, DcdBodyId *ids, size_t bodies)
 {
     for (size_t i = 0; i < bodies; i++) {
@@ -191,7 +192,7 @@ static void make_boxes(DcdWorld world, DcdBodyDef *box, DcdBodyId *ids, size_t b
     }
 }
 
-/* All made and all destroyed again, as often as `rounds` says. */
+/* Makes and destroys all boxes, `rounds` times. */
 static void making(size_t bodies, size_t rounds)
 {
     enum { MAKE, FIRST_STEP, DESTROY, PARTS };
@@ -224,13 +225,13 @@ static void making(size_t bodies, size_t rounds)
     }
 }
 
-/* Spread evenly over 0 to 1. */
+/* Returns the i-th of numbers that are spread evenly over 0 to 1. */
 static double spread(size_t i, double step)
 {
     return fmod((double)i * step, 1.0);
 }
 
-/* Rays go into the boxes from one side of them, and meet one after some metres; so do balls. */
+/* Casts rays and balls into the boxes from one side. They meet a box after some metres. */
 static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t threads)
 {
     enum { CALLS = 9 };
@@ -246,7 +247,7 @@ static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t thre
     check(dcd_shape_sphere(world, 0.25f, &ball));
     box.gravity_scale = 0.0f;
     make_boxes(world, &box, ids, bodies);
-    /* In its first steps Rapier puts the tree of new bodies in order. */
+    /* In the first steps Rapier puts the tree of new bodies in order. */
     for (int step = 0; step < WARM_UP; step++) {
         check(dcd_step(world));
     }
@@ -290,7 +291,7 @@ static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t thre
     printf("ray_ns %.1f\nmet_m %.3f\ncast_ns %.1f\ncame %.4f\n", best, met, best_cast, came);
 }
 
-/* A game of rollback at its worst: everything moves, and each tick is kept and computed once more. */
+/* Measures a game of rollback at its worst: everything moves, and each tick that is kept is computed once more. */
 static void rolling_back(size_t bodies, size_t repeats)
 {
     enum { PLAIN, SAVE, STEP_SAVED, RESTORE, STEP_RESTORED, PARTS };
@@ -337,9 +338,9 @@ static void rolling_back(size_t bodies, size_t repeats)
     printf("copy_again_ms %.4f\n", median[STEP_RESTORED] - median[PLAIN]);
 }
 
-/* A game: groups of five on 90 m by 90 m of ground. A third of them are stacks that sleep, a third chains that fall, a third heaps of all
- * shapes with a ball each that somebody plays; a platform carries some of them along. One row of groups along x and one along z lie at `plane` 20.25, none
- * does at 0. */
+/* Makes the world of a game: groups of five on 90 m by 90 m of ground. A third of them are stacks that sleep, a third
+ * are chains that fall, and a third are heaps of all shapes, each with a ball that somebody plays. A platform carries
+ * some of them along. One row of groups along x and one along z lie at `plane` 20.25; none lies at 0. */
 static DcdWorld game_world(size_t bodies, uint32_t regions, double plane, DcdBodyId *ids)
 {
     enum { GROUP = 5, ROW = 20 };

@@ -1,4 +1,5 @@
-//! Measures what the C API costs: calls as a C program sees them, joining a world, and the size of a program that links it.
+//! Measures what the C API costs: calls as a C program sees them, joining a world, and the size of a program
+//! that links it.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -22,29 +23,30 @@ use crate::results::{Measured, short};
 use crate::{page, timing};
 
 const SHOWN: Shown<Row> = Shown { name: "c-api", table, picture: None };
-/// Bodies of a step whose cost calls are compared with.
+/// The number of bodies in the step that the cost of calls is compared with.
 const STEPPED: usize = 1000;
-/// Rays of one call.
+/// The number of rays in one call.
 const RAYS: usize = 10_000;
-/// Longer than joining takes on a busy machine.
+/// A time longer than joining takes on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
-/// What Rust's standard library needs of a Linux system; `tests/tests/c_api/library.rs` checks the list.
+/// The linker options for what Rust's standard library needs of a Linux system;
+/// `tests/tests/c_api/library.rs` checks the list.
 const LINK: &str = "-Wl,--gc-sections -lgcc_s -lutil -lrt -lpthread -lm -ldl -lc";
 
-/// Measures against the goals of the C API; fails when one is missed, but for `--quick`.
+/// Measures against the goals of the C API; fails when a goal is missed, except with `--quick`.
 #[derive(Args)]
 pub(crate) struct CApi {
     #[command(flatten)]
     output: Output,
 }
 
-/// One figure and what it may be at most.
+/// One figure and its goal.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     figure: String,
     value: f64,
     unit: String,
-    /// `None` where nobody set one.
+    /// The most that the value may be; `None` where nobody set a goal.
     goal: Option<f64>,
 }
 
@@ -88,7 +90,7 @@ impl CApi {
         rows.push(Row::new("dcd_body_get, of 1,000 bodies", few["get_ns"], "ns a body", 25.0));
         rows.push(Row::new("dcd_body_get, of all bodies", read["get_ns"], "ns a body", None));
 
-        // In turn, and of each the run that was disturbed least.
+        // The three run in turn, and of each the run counts that was disturbed least.
         let (mut rust, mut c, mut viewed) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
         for _ in 0..rounds {
             rust = rust.min(rust_step_ms(steps)?);
@@ -120,7 +122,7 @@ impl CApi {
         let joined = join_ms(&calls, joins, &work)?;
         rows.push(Row::new("from dcd_client_connect to the first state", joined, "ms", 50.0));
 
-        // One joins a served world, the other has a world of its own alone.
+        // One example joins a served world, the other has only a world of its own.
         let usual = library(&[])?;
         for example in ["game_loop", "hello"] {
             let program =
@@ -149,10 +151,12 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace")
 }
 
-/// Options that give the C library this program's allocator: allocators alone make steps differ by more than calls cost.
+/// The options that give the C library this program's allocator: different allocators make steps differ by
+/// more than calls cost.
 const ALIKE: &[&str] = &["--features", "mimalloc"];
 
-/// Returns the static library: built as users build it, with these options; for a quick try, as it came with this program.
+/// Returns the static library, built as users build it, with these options. A debug build of this program
+/// takes the library that was built along with it.
 fn library(options: &[&str]) -> Result<PathBuf, Box<dyn Error>> {
     let program = std::env::current_exe()?;
     let profile = program.parent().ok_or("this program lies in no folder")?;
@@ -179,16 +183,16 @@ fn compile(library: &Path, source: &Path, out: &Path) -> Result<PathBuf, Box<dyn
     Ok(program)
 }
 
-/// The program that `calls.c` becomes.
+/// The program compiled from `calls.c`.
 struct Calls(PathBuf);
 
 impl Calls {
-    /// The median step of [`pile`], by one of the ways to step it.
+    /// Returns the median step of [`pile`] in milliseconds, by one of the ways to step it.
     fn step_ms(&self, way: &str, steps: usize) -> Result<f64, Box<dyn Error>> {
         Ok(self.said(&[way, &STEPPED.to_string(), &steps.to_string()])?["step_ms"])
     }
 
-    /// What it says: a name and a number a line.
+    /// Runs the program and returns its output, a name and a number per line.
     fn said(&self, arguments: &[&str]) -> Result<BTreeMap<String, f64>, Box<dyn Error>> {
         let output = Command::new(&self.0).args(arguments).stderr(Stdio::inherit()).output()?;
         if !output.status.success() {
@@ -203,12 +207,12 @@ impl Calls {
     }
 }
 
-/// The scene that `calls.c` steps.
+/// Returns the scene that `calls.c` steps.
 fn pile() -> Result<Scene, Box<dyn Error>> {
     Ok(Scene::named("pile", &Params::new().with("n", STEPPED as f64))?)
 }
 
-/// The median step of the same world without the C API.
+/// Returns the median step of the same world without the C API, in milliseconds.
 fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
     let scene = pile()?;
     let config =
@@ -217,7 +221,8 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
     timing::median_ms(&mut plan.subject(&scene)?, steps)
 }
 
-/// Measures what it costs to make and to destroy boxes, beside the same in bare Rapier: in turn, and of each the run that was disturbed least.
+/// Measures what it costs to make and to destroy boxes, beside the same in bare Rapier. The two run in turn,
+/// and of each the run counts that was disturbed least.
 fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let (mut bare, mut ours) = ([f64::INFINITY; 3], [f64::INFINITY; 3]);
     for _ in 0..rounds {
@@ -242,7 +247,8 @@ fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<d
     Ok(rows.into_iter().flat_map(both).collect())
 }
 
-/// Measures what rays and moving balls cost in such boxes, beside the same in bare Rapier, for each thread that casts.
+/// Measures what rays and moving balls cost in such boxes, per thread that casts, beside the same in bare
+/// Rapier.
 fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let cores = std::thread::available_parallelism()?.get();
     let ways = [("one region", 1, 1), ("four regions", 4, 1), ("four regions on all cores", 4, cores)];
@@ -272,8 +278,8 @@ fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<
     Ok(rows)
 }
 
-/// Measures what a game costs in four regions on one thread, where they gain nothing, over the same in one: in turn, and of each the run that
-/// was disturbed least.
+/// Measures what a game costs in four regions on one thread, where they gain nothing, over the same game in
+/// one region. They run in turn, and of each the run counts that was disturbed least.
 fn playing(calls: &Calls, steps: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     const BODIES: usize = 2_000;
     let ways = [("cut between its groups", 0.0), ("cut through its groups", 20.25)];
@@ -295,7 +301,7 @@ fn playing(calls: &Calls, steps: usize, rounds: usize) -> Result<Vec<Row>, Box<d
     Ok(four.into_iter().zip(ways).map(row).collect())
 }
 
-/// Boxes as `calls made` has them, in a bare Rapier world.
+/// Adds boxes to a bare Rapier world, placed as `calls made` has them.
 fn bare_boxes(world: &mut PhysicsWorld, bodies: usize) -> Vec<RigidBodyHandle> {
     let make = |i: usize| {
         let at = Vector::new((i % 50) as f32, (i / 50 % 50) as f32, (i / 2500) as f32) * 1.5;
@@ -305,15 +311,15 @@ fn bare_boxes(world: &mut PhysicsWorld, bodies: usize) -> Vec<RigidBodyHandle> {
     (0..bodies).map(make).collect()
 }
 
-/// A bare Rapier world on one thread, as the worlds of `calls.c` are.
+/// Returns a bare Rapier world on one thread, as the worlds of `calls.c` are.
 fn bare_world() -> PhysicsWorld {
     let mut world = PhysicsWorld::new();
     world.configure_thread_pool(1).expect("the system has one more thread");
     world
 }
 
-/// Nanoseconds a box to make it, of the first step after that, and to remove it then, in a bare Rapier world, as `calls made` does: each
-/// the least of three rounds.
+/// Returns the nanoseconds per box to make it, of the first step after that, and to remove it then, in a bare
+/// Rapier world, as `calls made` does: each the least of three rounds.
 fn bare_making_ns(bodies: usize) -> [f64; 3] {
     let (mut world, mut best) = (bare_world(), [f64::INFINITY; 3]);
     for _ in 0..3 {
@@ -334,7 +340,7 @@ fn bare_making_ns(bodies: usize) -> [f64; 3] {
     best
 }
 
-/// Nanoseconds a ray and a moving ball in a bare Rapier world, as `calls rays` casts them.
+/// Returns the nanoseconds per ray and per moving ball in a bare Rapier world, as `calls rays` casts them.
 fn bare_casting_ns(bodies: usize, count: usize) -> [f64; 2] {
     let mut world = bare_world();
     world.gravity = Vector::ZERO;
@@ -374,7 +380,8 @@ fn bare_casting_ns(bodies: usize, count: usize) -> [f64; 2] {
     [least(&cast_ray), least(&cast_ball)]
 }
 
-/// The median of several clients that join a world on this machine, one after the other.
+/// Returns the median time of several clients that join a world on this machine one after the other, in
+/// milliseconds.
 fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Error>> {
     let scene = pile()?;
     let world = WorldConfig { partitioning: Partitioning::Regions(1), ..WorldConfig::for_scene(&scene) };
@@ -386,7 +393,7 @@ fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Erro
         JoinConfig::new(server.address, server.token(JoinRole::Node, LIMIT)?).join(JoinRole::Node)?;
     let node = Member::start(MemberConfig::new(server.address, identity))?;
     let mut times = Vec::new();
-    // The first waits for the node to begin, and does not count.
+    // The first client waits for the node to begin, and does not count.
     for _ in 0..joins + 1 {
         let token = server.token(JoinRole::Client, LIMIT)?;
         times.push(calls.said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);

@@ -1,7 +1,9 @@
-//! Measures what a client sees of a served world, and what that costs: bytes, staleness, and how far what it shows is from the truth.
+//! Measures what a client sees of a served world, and what that costs: bytes, staleness, and how far from the
+//! truth the client shows bodies.
 //!
-//! A server, a node and a client in one process, over real QUIC; between client and node packets are delayed and lost by a proxy. Served
-//! worlds are bit-equal to local ones, so the truth is computed afterwards, on a machine that has nothing else to do.
+//! A server, a node and a client run in one process, over real QUIC. A proxy delays and loses packets between
+//! client and node. Served worlds are bit-equal to local ones, so the truth is computed afterwards, when the
+//! machine has nothing else to do.
 
 mod picture;
 
@@ -25,7 +27,7 @@ const SHOWN: Shown<Row> = Shown { name: "clients", table: picture::table, pictur
 const FRAME: Duration = Duration::from_micros(16_667);
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Says how long each run takes, and where its results go.
+/// The settings of a run: how long it takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Clients {
     #[command(flatten)]
@@ -40,7 +42,7 @@ pub(crate) struct Clients {
 struct Row {
     scene: String,
     network: String,
-    /// 0: none.
+    /// The most bytes per second that the client is sent; 0: no limit.
     limit_bytes_per_s: u32,
     bodies: usize,
     moving: f64,
@@ -48,21 +50,21 @@ struct Row {
     bytes_per_moving_body_s: f64,
     staleness_p50_ms: f64,
     staleness_p99_ms: f64,
-    /// The time by which what is shown is behind the world.
+    /// How far what is shown is behind the world, milliseconds.
     behind_ms: f64,
     shown_error_p50_mm: f64,
     shown_error_p99_mm: f64,
     shown_error_max_mm: f64,
-    /// By how much what is shown of a body moves otherwise than the body, from one frame to the next.
+    /// By how much what is shown of a body moves otherwise than the body itself, from one frame to the next.
     shown_jump_p99_mm: f64,
     shown_jump_max_mm: f64,
-    /// The same of the newest states, as they come.
+    /// The same for the newest states, as they come.
     told_error_p99_mm: f64,
     told_jump_p99_mm: f64,
     frames_per_s: f64,
 }
 
-/// Scenes by name and parameters; the first two are measured with limits too.
+/// The scenes by name and parameters; the first two are measured with limits too.
 const SCENES: [(&str, &[(&str, &str)]); 5] = [
     ("sweep", &[]),
     ("sweep, long arm", &[("reach", "13")]),
@@ -71,7 +73,7 @@ const SCENES: [(&str, &[(&str, &str)]); 5] = [
     ("dve, 5,000", &[("n", "5000")]),
 ];
 
-/// What a client may be sent, bytes a second; 0: as much as the link carries.
+/// The limits on what a client may be sent, bytes per second; 0: as much as the link carries.
 const LIMITS: [u32; 4] = [0, 16_000, 8_000, 4_000];
 
 fn networks() -> [(&'static str, Weather); 5] {

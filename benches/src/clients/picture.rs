@@ -6,10 +6,11 @@ use crate::results::{Measured, short};
 
 use super::Row;
 
-/// Of what was measured with limits, the table has this network; the picture has all.
+/// The table has only this network of what was measured with limits; the picture has all.
 const LIMITED: &str = "100 ± 20 ms, 5 % lost";
 
-/// A panel for each scene that was measured with limits: few bytes to the left, small errors at the bottom.
+/// Draws a panel for each scene that was measured with limits: few bytes to the left, small errors at the
+/// bottom.
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
     let limited = rows.iter().filter(|row| row.row.limit_bytes_per_s > 0);

@@ -1,5 +1,6 @@
-//! Measures what the thesis of 2006 could not: how far groups are from one another over time, how far ghosts are from their
-//! owners inside a group, and what keeping groups together costs on the wire. Whole clusters in virtual time, with real physics.
+//! Measures what the thesis of 2006 could not: how far groups are from one another over time, how far ghosts
+//! are from their owners inside a group, and what it costs on the wire to keep groups together. Whole
+//! clusters run in virtual time, with real physics.
 
 mod picture;
 mod scene;
@@ -18,20 +19,21 @@ use self::scene::{GROUPS, Running, SETTINGS, Setting};
 use self::spread::Spread;
 use crate::output::{Output, Sheet, Shown};
 
-/// Groups have begun and avatars move.
+/// The rows of every simulated second, which have a picture and no table.
 const SECONDS: Shown<Row> =
     Shown { name: "consistency", table: |_| String::new(), picture: Some(picture::picture) };
 const RUNS: Shown<Summary> = Shown { name: "consistency-runs", table: picture::table, picture: None };
+/// The time until groups have begun and avatars move.
 const SETTLING: Duration = Duration::from_secs(5);
 const SECOND: Duration = Duration::from_secs(1);
 const TICKS_A_SECOND: u64 = 60;
 
-/// How long the scene is run.
+/// The output and the seed of the runs.
 #[derive(Args)]
 pub(crate) struct Consistency {
     #[command(flatten)]
     output: Output,
-    /// Of everything random.
+    /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -48,9 +50,9 @@ pub(crate) struct Row {
     avatars_max_m: f64,
     replicas_mean_m: f64,
     replicas_max_m: f64,
-    /// Persistent bodies for which another group than the main one is authoritative.
+    /// The number of persistent bodies for which a group other than the main one is authoritative.
     claimed: usize,
-    /// Between the first and the last group's completion of the same tick.
+    /// The time between the first and the last group's completion of the same tick, milliseconds.
     apart_ms: f64,
     between_bytes_s: u64,
     inside_bytes_s: u64,
@@ -58,7 +60,7 @@ pub(crate) struct Row {
     client_bytes_s: u64,
 }
 
-/// One setting as a whole.
+/// The summary of one setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Summary {
     setting: String,

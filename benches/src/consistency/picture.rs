@@ -7,7 +7,7 @@ use crate::results::{Measured, short};
 use super::scene::SETTINGS;
 use super::{Row, Summary};
 
-/// Points of a line at most: what lies between is summed up by its largest.
+/// The most points of a line; each point is the largest value of the seconds that it stands for.
 const POINTS: usize = 60;
 
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
@@ -47,7 +47,7 @@ fn panel(
             let most = chunk.iter().map(|row| of(row)).fold(0.0, f64::max);
             (chunk[chunk.len() / 2].second as f64, most, String::new())
         });
-        // A logarithmic axis has no place for nothing at all.
+        // A logarithmic axis has no place for zero.
         let points: Vec<_> = points.filter(|point| point.1 > 0.0).collect();
         Line { name: setting.name.to_owned(), colour, thick: false, mark, points }
     });

@@ -1,4 +1,5 @@
-//! Sets up three groups of four nodes that compute the same gas, far from one another, and a wandering avatar in each.
+//! Sets up three groups of four nodes, far from one another, that compute the same gas, with a wandering
+//! avatar in each.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -17,13 +18,14 @@ use dcd::space::{BodyId, Bounds, ClientId, DistributionTree, NodeId};
 pub(super) const GROUPS: u32 = 3;
 pub(super) const MEMBERS: u32 = 4;
 const BALLS: u32 = 60;
-/// Of every ball at the start.
+/// The speed of every ball at the start.
 const SPEED_M_S: f64 = 1.0;
-/// Of an avatar, which pushes balls.
+/// The speed of an avatar, which pushes balls.
 const AVATAR_SPEED_M_S: f64 = 1.5;
-/// A user turns so often.
+/// The time between two turns of a user.
 const TURN: Duration = Duration::from_millis(500);
-/// In the middle between the groups, so that what one tells another by way of the server takes as long as a direct packet.
+/// The delay between groups. The server lies in the middle between them, so that what one group tells another
+/// by way of the server takes as long as a direct packet.
 const BETWEEN_US: u64 = 60_000;
 const INSIDE_US: u64 = 1_000;
 
@@ -33,11 +35,11 @@ pub(super) struct Setting {
     pub(super) name: &'static str,
     pub(super) between_groups_m: f32,
     pub(super) protocol: SyncProtocol,
-    /// Of balls and walls: 1 keeps all energy, also what corrections bring in.
+    /// The restitution of balls and walls: 1 keeps all energy, including what corrections bring in.
     pub(super) restitution: f32,
 }
 
-/// A band that nothing leaves: bodies are never corrected.
+/// A threshold that no deviation reaches: bodies are never corrected.
 const NEVER_M: f32 = 1e6;
 
 const IN_STEP: SyncProtocol = SyncProtocol::Synchronised;
@@ -60,7 +62,7 @@ pub(super) const SETTINGS: [Setting; 5] = [
     setting("not corrected, elastic", NEVER_M, IN_STEP, 1.0),
 ];
 
-/// The scene with groups formed and avatars there.
+/// The running scene, with groups formed and avatars in it.
 pub(super) struct Running {
     pub(super) sim: Sim,
     bounds: Bounds,
@@ -70,7 +72,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Lets groups form by themselves, and brings an avatar into each.
+    /// Waits until groups have formed by themselves, and brings an avatar into each.
     pub(super) fn new(setting: &Setting, seed: u64) -> Result<Self, Box<dyn Error>> {
         let params =
             Params::new().with("n", BALLS).with("fill", 0.01).with("speed", SPEED_M_S).with("seed", seed);
@@ -168,7 +170,7 @@ impl Running {
         }
     }
 
-    /// In the inner part of the box.
+    /// Returns a place in the inner part of the box.
     fn somewhere(&mut self) -> [f64; 3] {
         let Bounds { min, max } = self.bounds;
         std::array::from_fn(|i| min[i] + (max[i] - min[i]) * (0.15 + 0.7 * self.random.unit()))

@@ -1,6 +1,6 @@
-//! Reduces the deviations of one tick, or of all, to mean, 99th percentile and largest.
+//! Reduces the deviations of one tick, or of all, to the mean, the 99th percentile and the largest.
 
-/// Mean, 99th percentile and largest; zeros of nothing.
+/// The mean, 99th percentile and largest of some values; zeros if there are none.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spread {
     pub(super) mean_m: f64,

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-/// From the value at the start of the axis to the larger one at its end, both above zero.
+/// A logarithmic axis, from the value at its start to the larger one at its end, both above zero.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Decades {
     start: f64,
@@ -12,7 +12,7 @@ pub(super) struct Decades {
 }
 
 impl Decades {
-    /// Around all values above zero, with a little air; a decade when there are none.
+    /// Returns an axis around all values above zero, with a small margin; a decade when there are none.
     pub(super) fn around(values: impl IntoIterator<Item = f64>) -> Self {
         let values = values.into_iter().filter(|value| value.is_finite() && *value > 0.0);
         let (least, most) =
@@ -25,7 +25,7 @@ impl Decades {
         Self { start: least / 10f64.powf(air), end: most * 10f64.powf(air) }
     }
 
-    /// Whole decades between two values.
+    /// Returns the whole decades between two values.
     pub(super) fn points_within((least, most): (f64, f64)) -> Vec<f64> {
         let decades = least.log10().floor() as i32..=most.log10().ceil() as i32;
         let within = |value: &f64| (least * 0.999..=most * 1.001).contains(value);
@@ -73,7 +73,7 @@ impl ValueFormatter<f64> for Decades {
     }
 }
 
-/// 0.001 to 1000 as they are, others as powers of ten.
+/// Formats 0.001 to 1000 as they are, and others as powers of ten.
 pub(super) fn power(value: f64) -> String {
     if (0.000_999..1_000.5).contains(&value) {
         let text = format!("{value:.4}");

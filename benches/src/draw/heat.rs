@@ -10,26 +10,26 @@ use crate::results::short;
 /// Maps of one kind under one title.
 pub(crate) struct HeatMaps {
     pub(crate) title: String,
-    /// Below the title: what is seen, and the machine.
+    /// The text below the title: what is seen, and the machine.
     pub(crate) caption: String,
     pub(crate) x_label: String,
     pub(crate) y_label: String,
-    /// What the colours mean, with the unit.
+    /// The meaning of the colours, with the unit.
     pub(crate) scale_label: String,
-    /// The values of the best and of the worst colour; what lies beyond has the same colour.
+    /// The values of the best and of the worst colour; values beyond have the same colour.
     pub(crate) scale: (f64, f64),
-    /// Maps beside one another.
+    /// The number of maps beside one another.
     pub(crate) columns: usize,
     pub(crate) maps: Vec<HeatMap>,
 }
 
-/// One map: a value for every pair of columns and rows.
+/// One map, with a value for every pair of column and row.
 pub(crate) struct HeatMap {
     pub(crate) title: String,
     pub(crate) columns: Vec<String>,
-    /// The first row is the lowest.
+    /// The labels of the rows; the first row is the lowest.
     pub(crate) rows: Vec<String>,
-    /// By row, then by column; none where nothing was measured.
+    /// The values by row, then by column; `None` where nothing was measured.
     pub(crate) values: Vec<Vec<Option<f64>>>,
 }
 
@@ -53,12 +53,12 @@ impl HeatMaps {
         )
     }
 
-    /// Room for title and caption.
+    /// Returns the height of title and caption.
     fn head(&self) -> u32 {
         56 + 16 * self.caption.lines().count() as u32
     }
 
-    /// 0 is the best, 1 the worst.
+    /// Returns how bad a value is: 0 is the best, 1 the worst.
     fn badness(&self, value: f64) -> f64 {
         let (best, worst) = (self.scale.0.log10(), self.scale.1.log10());
         let value = if value.is_finite() { value.max(f64::MIN_POSITIVE).log10() } else { worst };
@@ -119,7 +119,7 @@ impl HeatMaps {
         let colour = value.map_or(WHITE, |value| colour(self.badness(value)));
         area.draw(&Rectangle::new([at, (at.0 + width - 1, at.1 + height - 1)], colour.filled()))?;
         let Some(value) = value else { return Ok(()) };
-        // Relative luminance (ITU-R BT.709) says whether black or white is read better.
+        // Relative luminance (ITU-R BT.709) tells whether black or white text reads better.
         let RGBColor(r, g, b) = colour;
         let light = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b) > 120.0;
         let style = text(11).color(if light { &BLACK } else { &WHITE });
@@ -143,8 +143,9 @@ impl HeatMaps {
     }
 }
 
-/// From dark blue (right) through grey to yellow (wrong): cividis (Nuñez, Anderton and Renslow, 2018), the same to people
-/// with any colour vision, and a scale of brightness in print.
+/// Returns a colour from dark blue (right) through grey to yellow (wrong). The scale is cividis (Nuñez,
+/// Anderton and Renslow, 2018): it is the same to people with any colour vision, and a scale of brightness in
+/// print.
 fn colour(badness: f64) -> RGBColor {
     const STOPS: [[f64; 3]; 9] = [
         [0.0, 34.0, 78.0],

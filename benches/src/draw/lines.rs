@@ -8,10 +8,10 @@ use super::{Area, Drawn, FAINT, Picture, text};
 /// Several panels under one title.
 pub(crate) struct LinePanels {
     pub(crate) title: String,
-    /// Below the title: what is seen, and the machine.
+    /// The text below the title: what is seen, and the machine.
     pub(crate) caption: String,
     pub(crate) x_label: String,
-    /// Panels beside one another.
+    /// The number of panels beside one another.
     pub(crate) columns: usize,
     pub(crate) panels: Vec<LinePanel>,
 }
@@ -19,7 +19,7 @@ pub(crate) struct LinePanels {
 /// One panel with axes of its own.
 pub(crate) struct LinePanel {
     pub(crate) title: String,
-    /// In place of that of all panels.
+    /// The label of x, in place of that of all panels.
     pub(crate) x_label: Option<String>,
     pub(crate) y_label: String,
     pub(crate) lines: Vec<Line>,
@@ -27,17 +27,17 @@ pub(crate) struct LinePanel {
     pub(crate) limit: Option<f64>,
 }
 
-/// Points joined in their order. Lines of one name are one entry of the legend.
+/// Points joined in their order. Lines of the same name share one entry of the legend.
 pub(crate) struct Line {
     pub(crate) name: String,
     pub(crate) colour: RGBColor,
     pub(crate) thick: bool,
     pub(crate) mark: Mark,
-    /// x, y and a label; values that are not above zero lie on the edge.
+    /// The points: x, y and a label. Values that are not above zero lie on the edge.
     pub(crate) points: Vec<(f64, f64, String)>,
 }
 
-/// What stands at a point.
+/// The mark drawn at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mark {
     Dot,
@@ -45,7 +45,7 @@ pub(crate) enum Mark {
     Triangle,
     Square,
     Cross,
-    /// Around another mark.
+    /// A ring around another mark.
     Halo,
 }
 
@@ -60,7 +60,7 @@ impl LinePanels {
         self.columns.min(self.panels.len()).max(1)
     }
 
-    /// Names in order of their first line.
+    /// Returns the first line of each name, in order.
     fn entries(&self) -> Vec<&Line> {
         let mut entries: Vec<&Line> = Vec::new();
         for line in self.panels.iter().flat_map(|panel| &panel.lines) {
@@ -168,7 +168,7 @@ impl LinePanel {
     }
 }
 
-/// Charts tell places on the whole picture; areas draw relative to themselves.
+/// Converts a place on the whole picture, as charts give it, to one relative to the area, as areas draw it.
 fn relative(area: &Area<'_>, at: (i32, i32)) -> (i32, i32) {
     let (left, top) = area.get_base_pixel();
     (at.0 - left, at.1 - top)

@@ -1,4 +1,5 @@
-//! Draws pictures as SVG, and turns them into PNG. The font is part of the program, so that a machine without one draws too.
+//! Draws pictures as SVG, and turns them into PNG. The font is part of the program, so that a machine without
+//! fonts draws too.
 
 mod axis;
 mod heat;
@@ -19,7 +20,8 @@ use crate::results::write_file;
 
 const FONT: &str = "sans-serif";
 
-/// Black on white, then colours that people with any colour vision can tell apart (Okabe and Ito, 2008).
+/// The colour of lines that are black on white. `COLOURS` are colours that people with any colour vision can
+/// tell apart (Okabe and Ito, 2008).
 pub(crate) const BLACK_LINE: RGBColor = RGBColor(0, 0, 0);
 pub(crate) const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -37,15 +39,15 @@ type Drawn = Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBack
 
 /// Something that can be drawn.
 pub(crate) trait Picture {
-    /// Pixels, wide and high.
+    /// Returns the width and height in pixels.
     fn size(&self) -> (u32, u32);
-    /// Draws it on a white area of that size.
+    /// Draws the picture on a white area of that size.
     fn draw(&self, area: &Area<'_>) -> Drawn;
 }
 
 /// Writes `stem.svg`, and `stem.png` made from it.
 pub(crate) fn write(picture: &impl Picture, stem: &Path) -> Result<(), Box<dyn Error>> {
-    // Plotters must know how wide a text is.
+    // Plotters needs the font to know how wide a text is.
     register_font(FONT, FontStyle::Normal, dejavu::sans::regular())
         .map_err(|_| "the built-in font is broken")?;
     let mut svg = String::new();
@@ -58,7 +60,7 @@ pub(crate) fn write(picture: &impl Picture, stem: &Path) -> Result<(), Box<dyn E
 }
 
 fn png_of(svg: &str) -> Result<Vec<u8>, Box<dyn Error>> {
-    /// Sharp also on screens of high resolution.
+    /// The scale of the PNG, which makes it sharp on screens of high resolution too.
     const SCALE: f32 = 1.5;
     let mut options = usvg::Options::default();
     options.fontdb_mut().load_font_data(dejavu::sans::regular().to_vec());
@@ -70,7 +72,7 @@ fn png_of(svg: &str) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(pixels.encode_png()?)
 }
 
-/// A text style of so many pixels.
+/// Returns a text style of so many pixels.
 fn text(size: u32) -> TextStyle<'static> {
     (FONT, size).into_font().color(&BLACK)
 }

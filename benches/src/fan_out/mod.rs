@@ -1,8 +1,9 @@
-//! Measures what many clients cost a world: a server, two nodes and N clients with an interest, in real processes, beside the same world
-//! without any.
+//! Measures what many clients cost a world: a server, two nodes and N clients with an area of interest, in
+//! real processes, beside the same world without clients.
 //!
-//! Where all of them share a machine's cores, the time between two ticks tells of the clients' own processes too. What the world itself
-//! pays is the processor time of its nodes per tick, by thread: that which computes the world, and those that serve others.
+//! Where all processes share a machine's cores, the time between two ticks depends on the clients' own
+//! processes too. What the world itself pays is the processor time of its nodes per tick, by thread: the
+//! thread that computes the world, and the threads that serve others.
 
 mod process;
 
@@ -25,29 +26,30 @@ use crate::usage::Usage;
 
 const SHOWN: Shown<Row> = Shown { name: "fan-out", table, picture: None };
 const LIMIT: Duration = Duration::from_secs(120);
-/// Until links have found out what they carry, and clients have what they are told in full.
+/// The time until links have found out what they carry, and clients have been told everything in full.
 const WARM_UP: Duration = Duration::from_secs(4);
 const NODES: usize = 2;
 const DVE: &str = "dve";
-/// Clients of one process.
+/// The number of clients in one process.
 const CLIENTS_PER_PROCESS: usize = 125;
 
-/// Says with how many clients, how long each run takes, and where its results go.
+/// The settings of the runs: how many clients, how long each run takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct FanOut {
     /// Numbers of clients, one run for each.
     #[arg(long, value_delimiter = ',', default_value = "0,10,100,500", conflicts_with = "quick")]
     clients: Vec<usize>,
-    /// Measures each number once more, where the leader tells so many itself and the other node those beyond.
+    /// Measures each number once more, with the leader telling this many clients itself and the other node
+    /// the rest.
     #[arg(long, value_name = "CLIENTS", conflicts_with = "quick")]
     relays: Option<u32>,
-    /// Radius in which each hears, metres; all are spread evenly over the world.
+    /// Radius in which each client hears, metres; clients are spread evenly over the world.
     #[arg(long, default_value_t = 12.0)]
     interest: f64,
     /// A scene of the library that is made of `n` bodies, or stacks of them.
     #[arg(long, default_value = DVE)]
     scene: String,
-    /// Its `n`: cubes of `dve`, which all move all the time.
+    /// The scene's `n`: cubes of `dve`, which all move all the time.
     #[arg(long, default_value_t = 1_000)]
     cubes: usize,
     /// Seconds that are measured of each run.
@@ -57,37 +59,37 @@ pub(crate) struct FanOut {
     output: Output,
 }
 
-/// Cost of one number of clients.
+/// The cost of one number of clients.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     clients: usize,
     cubes: usize,
     interest_m: f64,
     ticks_per_s: f64,
-    /// Between the ends of two ticks at the leader, milliseconds.
+    /// The time between the ends of two ticks at the leader, milliseconds.
     tick_p50_ms: f64,
     tick_p99_ms: f64,
-    /// Processor time of the leader's threads, milliseconds per tick: of the one that computes the world, of the one that tells clients, of the
-    /// network's, of all.
+    /// Processor time of the leader's threads, milliseconds per tick: of the thread that computes the world,
+    /// of the thread that tells clients, of the network's threads, of all.
     world_ms: f64,
     fan_out_ms: f64,
     net_ms: f64,
     leader_ms: f64,
-    /// Of all threads of the other node.
+    /// Processor time of all threads of the other node, milliseconds per tick.
     other_ms: f64,
-    /// Of the processes of all clients together.
+    /// Processor time of all clients' processes together, milliseconds per tick.
     clients_ms: f64,
-    /// Bytes that each client was sent, UDP payloads.
+    /// Bytes per second that each client was sent, UDP payloads.
     bytes_per_s: f64,
-    /// Batches of states that each client took in.
+    /// Batches of states per second that each client took in.
     updates_per_s: f64,
-    /// The scene of which `cubes` is the parameter `n`; none: `dve`.
+    /// The scene whose parameter `n` is `cubes`; `None`: `dve`.
     #[serde(default)]
     scene: Option<String>,
-    /// Clients that the leader tells itself; none: all.
+    /// The number of clients that the leader tells itself; `None`: all.
     #[serde(default)]
     relays_above: Option<u32>,
-    /// UDP payloads that each node sent, to all.
+    /// Bytes of UDP payloads per second that each node sent, to all.
     #[serde(default)]
     leader_sent_per_s: Option<f64>,
     #[serde(default)]
@@ -120,7 +122,7 @@ impl FanOut {
         Ok(())
     }
 
-    /// Serves the world to so many clients.
+    /// Serves the world to so many clients, and measures what they cost.
     fn serve(&self, count: usize, relays_above: Option<u32>, time: Duration) -> Result<Row, Box<dyn Error>> {
         let scene = Scene::named(&self.scene, &Params::new().with("n", self.cubes))?;
         let data = tempfile::tempdir()?;
@@ -155,7 +157,7 @@ impl FanOut {
         Ok(Row { relays_above, ..self.row(count, &before, &after) })
     }
 
-    /// Starts the processes of clients, each with an interest at a place of its own.
+    /// Starts the processes of clients, each client with an interest at a place of its own.
     fn clients(
         &self,
         server: &ServerProcess,
@@ -211,7 +213,7 @@ impl FanOut {
     }
 }
 
-/// What all processes have done up to a moment.
+/// The totals of all processes up to a moment.
 struct Moment {
     at: Instant,
     leader: Reading,
@@ -223,7 +225,7 @@ struct Moment {
 }
 
 impl Moment {
-    /// Asks all; the first of the nodes leads.
+    /// Asks all processes; the first of the nodes leads.
     fn now(nodes: &mut [Worker], clients: &mut [Worker]) -> Result<Self, Box<dyn Error>> {
         let mut said = Reading::default();
         let mut of_clients = Usage::default();

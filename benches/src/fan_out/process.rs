@@ -1,4 +1,5 @@
-//! Runs a node, or many clients, in a process of its own, which says what it has done whenever it is asked to.
+//! Runs a node, or many clients, in a process of its own, which reports what it has done whenever it is asked
+//! to.
 
 use std::error::Error;
 use std::net::SocketAddr;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::child::{Child, answer};
 
 const LIMIT: Duration = Duration::from_secs(120);
-/// Clients that join at a time.
+/// The number of clients that join at the same time.
 const JOINING: usize = 4;
 
 /// Joins a server's world as a node, or as one client per line of standard input: started by `fan-out`.
@@ -22,23 +23,23 @@ const JOINING: usize = 4;
 pub(crate) struct FanOutProcess {
     #[arg(long)]
     server: SocketAddr,
-    /// Of a node.
+    /// Token of a node.
     #[arg(long, conflicts_with = "interest")]
     token: Option<String>,
-    /// How far clients hear.
+    /// Radius in which clients hear, metres.
     #[arg(long)]
     interest: Option<f64>,
 }
 
-/// What a process has done so far.
+/// The totals of a process so far.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reading {
-    /// When its ticks were complete, microseconds since its start.
+    /// The times when its ticks were complete, microseconds since its start.
     pub(super) ticks: Vec<u64>,
-    /// What its clients were sent, UDP payloads, and how often they were told of states.
+    /// Bytes of UDP payloads that its clients were sent, and how often they were told of states.
     pub(super) bytes: u64,
     pub(super) updates: u64,
-    /// The bytes that a node sent, UDP payloads.
+    /// Bytes of UDP payloads that a node sent.
     #[serde(default)]
     pub(super) sent: u64,
 }
@@ -115,7 +116,7 @@ fn clients(server: SocketAddr, interest_m: f64) -> Result<(), Box<dyn Error>> {
 /// A node, or clients, in a process of its own.
 pub(super) struct Worker {
     child: Child,
-    /// Its id, if it is a node.
+    /// The id of the node, if the process is one.
     pub(super) node: Option<u32>,
 }
 
@@ -127,7 +128,8 @@ impl Worker {
         Ok(Self { child, node })
     }
 
-    /// Starts a process of clients, and waits until all have joined. A seat is a line: a token, and where the client's interest is.
+    /// Starts a process of clients, and waits until all have joined. Each line of `seats` has a token and the
+    /// centre of a client's interest.
     pub(super) fn clients(server: SocketAddr, interest_m: f64, seats: &str) -> Result<Self, Box<dyn Error>> {
         let mut child = start(server, &["--interest", &interest_m.to_string()])?;
         child.write(&format!("{seats}\n"))?;
@@ -139,12 +141,12 @@ impl Worker {
         self.child.id()
     }
 
-    /// Asks it what it has done so far.
+    /// Asks the process what it has done so far.
     pub(super) fn read(&mut self) -> Result<Reading, Box<dyn Error>> {
         self.child.read()
     }
 
-    /// Ends it; says so if it went wrong.
+    /// Ends the process; returns an error if it went wrong.
     pub(super) fn end(self) -> Result<(), Box<dyn Error>> {
         self.child.end()
     }

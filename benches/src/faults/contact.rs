@@ -1,4 +1,4 @@
-//! Fills the fault table over Rapier: every row of faults for each scene whose bodies touch across borders.
+//! Fills the fault table over Rapier: every kind of faults for each scene whose bodies touch across borders.
 
 use std::error::Error;
 use std::ops::Range;
@@ -11,25 +11,25 @@ use crate::page;
 use crate::results::Measured;
 
 pub(super) const SHOWN: Shown<Row> = Shown { name: "faults-contact", table, picture: None };
-/// Rows and scenes that are known to gain more energy than their gate, as the page of results says, and of which nodes that are out of step also
-/// lie deeper in each other.
+/// Faults and scenes that are known to gain more energy than their gate, as the page of results says. Where
+/// nodes are out of step, bodies also lie deeper in each other.
 const OPEN: [(&str, &str, &[Quantity]); 4] = [
     ("lag", "crowd", &[Quantity::Gain, Quantity::Overlap]),
     ("groups-kill", "crowd", &[Quantity::Gain]),
     ("groups-server", "crowd", &[Quantity::Gain]),
     ("groups-cut", "crowd", &[Quantity::Gain]),
 ];
-/// The most gates that what is open may be: beyond that something else is wrong.
+/// The largest violation that is excused for these, in gates: beyond it something else is wrong.
 const MOST: f64 = 10.0;
 
-/// All seeds of one scene under one kind of faults; the quantities are shares of their gates.
+/// All seeds of one scene under one kind of faults. The quantities are in parts of their gates.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Row {
     faults: String,
     scene: String,
     seeds: u64,
     violations: u64,
-    /// Violations by what bodies did.
+    /// The violations by what bodies did.
     strained: u64,
     worst_recovery_ms: u64,
     transfers: u64,
@@ -67,7 +67,7 @@ impl Row {
         }
     }
 
-    /// Returns whether nothing was violated, or where more is known to be open, no other gate.
+    /// Returns whether nothing was violated, or only the gates that are known to be open, by `MOST` at most.
     pub(super) fn holds(&self) -> bool {
         let mut open =
             OPEN.iter().filter(|(faults, scene, _)| (*faults, *scene) == (&self.faults, &self.scene));
@@ -81,7 +81,7 @@ impl Row {
         self.violations == 0 || open.next().is_some_and(is_known)
     }
 
-    /// Returns the quantity that came nearest to its gate, or beyond it.
+    /// Returns the quantity that came nearest to its gate, or farthest beyond it, as text.
     fn worst(&self) -> String {
         let worst = self.shares().into_iter().max_by(|(a, _), (b, _)| a.total_cmp(b));
         let (share, name) = worst.unwrap_or_default();
@@ -116,7 +116,7 @@ pub(super) fn measure(rows: &mut Sheet<Row>, seeds: Range<u64>) -> Result<(), Bo
     Ok(())
 }
 
-/// A line per kind of faults.
+/// Returns the table, with a line per kind of faults.
 fn table(rows: &[Measured<Row>]) -> String {
     let scenes = ContactScene::ALL.map(|scene| format!("{scene}: worst of gate"));
     let head: Vec<_> =
@@ -138,7 +138,7 @@ fn table(rows: &[Measured<Row>]) -> String {
 mod tests {
     use super::*;
 
-    /// Some seeds of a crowd under `lag`, of which one violated what must hold.
+    /// Returns the row of a crowd under `lag` in which one seed violated what must hold.
     fn failed(strain: impl Fn(Quantity) -> f64, strained: u64) -> Row {
         let config = TrialConfig::default();
         let row = sim::simulate(&config, FaultProfile::Lag, 0..1, 1, &|| false);

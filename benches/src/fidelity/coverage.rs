@@ -1,4 +1,5 @@
-//! Says how often the true error lay in the interval that was stated, on scenes and seeds that were not used to make it.
+//! Measures how often the true error lay in the stated interval, on scenes and seeds that were not used to
+//! make it.
 
 use std::error::Error;
 
@@ -13,11 +14,11 @@ use crate::results::{Measured, short};
 
 pub(super) const COVERAGE: Shown<Cover> = Shown { name: "fidelity-coverage", table, picture: None };
 
-/// The part of the time that audits take where stated errors are compared with true ones: these worlds are small, and in a hundredth of it few
-/// islands would be audited.
+/// The part of the time that audits take where stated errors are compared with true ones. These worlds are
+/// small: in a hundredth of the time few islands would be audited.
 const AUDITED: f64 = 0.5;
 
-/// Says how often the true error lay in the stated interval.
+/// How often the true error lay in the stated interval, for one scene and setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Cover {
     pub(super) scene: String,
@@ -28,7 +29,8 @@ pub(super) struct Cover {
     pub(super) true_m_s: f64,
 }
 
-/// Compares stated errors with the true ones, which audit every island in every tick, on scenes and seeds of their own.
+/// Compares stated errors with the true ones, on scenes and seeds of their own. The true ones come from an
+/// audit of every island in every tick.
 pub(super) fn measure(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
     let cases: [Case; 4] = [
         ("heap", "n", 150, true),
@@ -70,7 +72,7 @@ pub(super) fn measure(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
     Ok(covers)
 }
 
-/// Has a scene looked at from an empty region beside it, and no more.
+/// Returns a scene that is looked at from an empty region beside it, and from nowhere else.
 fn unseen(scene: Scene) -> Scene {
     let [min, max] = [scene.bounds.min, scene.bounds.max];
     Scene {

@@ -1,5 +1,5 @@
-//! Measures what it costs to compute loads out of proportion finer, and what that is worth: a tower under a load of 100:1 and a chain with a bob
-//! of 1000:1 among ordinary bodies, beside one bare Rapier world.
+//! Measures what it costs to compute loads out of proportion finer, and what that is worth: a tower under a
+//! load of 100:1 and a chain with a bob of 1000:1 among ordinary bodies, beside one bare Rapier world.
 
 use std::error::Error;
 
@@ -18,37 +18,39 @@ use crate::timing;
 
 pub(super) const FINE: Shown<Row> = Shown { name: "fidelity-fine", table, picture: None };
 
-/// The goal: `auto` sags and stretches by this part of one bare world, and takes so many times its time.
+/// The goals: `auto` sags and stretches by at most this part of one bare world, and takes at most so many
+/// times its time.
 const GOAL_SHARE: f64 = 0.25;
 const GOAL_TIMES: f64 = 1.2;
-/// Between the parts of the scene, metres: no body reaches another part.
+/// The distance between the parts of the scene, metres: no body reaches another part.
 const GAP_M: f64 = 10.0;
-/// The chain hangs from so high, metres: its bob does not come down to the ground.
+/// The height from which the chain hangs, metres: its bob does not come down to the ground.
 const HANGS_FROM_M: f64 = 40.0;
 
-/// One cut by one setting, on one thread; all of the world is looked at.
+/// One cut by one setting, on one thread. All of the world is looked at.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Row {
     bodies: usize,
-    /// `apart`: tower, chain and each half of the others have a region; or `together`.
+    /// `apart`: tower, chain and each half of the others have a region of their own; or `together`.
     cut: String,
-    /// 0: one bare Rapier world.
+    /// The number of regions; 0: one bare Rapier world.
     regions: usize,
     /// `bare`, `full` or `auto`.
     setting: String,
-    /// Means of the run whose steps took least.
+    /// Mean and 99th percentile of the run whose steps took least, milliseconds.
     step_ms: f64,
     p99_ms: f64,
-    /// Of the time that one bare world takes: below 1 is faster.
+    /// The time over that of one bare world: below 1 is faster.
     over_bare: f64,
-    /// How far the top of the tower sank, and the bob, metres, at most in the time after the timed steps: the bob swings up and down.
+    /// How far the top of the tower sank, and the bob, metres: the most in the steps after the timed ones,
+    /// since the bob swings up and down.
     sag_m: f64,
     stretch_m: f64,
-    /// Of all movable bodies, at the end.
+    /// The share of all movable bodies that sleep after the timed steps.
     asleep_percent: f64,
 }
 
-/// Holds what came of a run.
+/// The outcome of a run.
 struct Outcome {
     times: StepTimes,
     regions: usize,
@@ -60,13 +62,14 @@ struct Outcome {
 /// The scene, with the bodies by which its loads are judged.
 struct Loads {
     scene: Scene,
-    /// Where it is cut so that each part is by itself.
+    /// The cuts that put each part by itself.
     apart: Vec<(Axis, f64)>,
     top: BodyId,
     bob: BodyId,
 }
 
-/// Runs all cuts and settings in turn, several times over; the run of each with the smallest mean step counts.
+/// Runs all cuts and settings in turn, several times over. Of each, the run with the smallest mean step
+/// counts.
 pub(super) fn measure(ordinary: usize, ticks: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let loads = Loads::among(ordinary)?;
     let settings = [
@@ -105,7 +108,8 @@ pub(super) fn measure(ordinary: usize, ticks: usize, repeats: usize) -> Result<V
 }
 
 impl Loads {
-    /// Puts beside one another, along x: towers of boxes that may sleep, as many that may not, the loaded tower, the chain.
+    /// Builds the scene. Along x, beside one another, stand towers of boxes that may sleep, as many that may
+    /// not, the loaded tower and the chain.
     fn among(ordinary: usize) -> Result<Self, Box<dyn Error>> {
         let pile = |sleep: i64| {
             let params = Params::new().with("n", (ordinary / 2) as i64).with("height", 5);
@@ -143,7 +147,7 @@ impl Loads {
         WorldConfig { fidelity, ..WorldConfig::for_scene(&Scene { cuts, ..self.scene.clone() }) }
     }
 
-    /// Runs it once; without a configuration as one bare Rapier world.
+    /// Runs the scene once; without a configuration as one bare Rapier world.
     fn run(&self, config: Option<WorldConfig>, ticks: usize) -> Result<Outcome, Box<dyn Error>> {
         let regions = usize::from(config.is_some());
         let mut subject = Plan { config, ticks: ticks as u64 }.subject(&self.scene)?;
@@ -170,7 +174,7 @@ impl Loads {
         })
     }
 
-    /// Returns where the top of the tower and the bob are.
+    /// Returns the heights of the top of the tower and of the bob.
     fn heights_m(&self, subject: &Subject) -> [f64; 2] {
         let states = subject.states();
         [self.top, self.bob].map(|id| {
@@ -186,7 +190,7 @@ impl Outcome {
     }
 }
 
-/// Bold, where `auto` misses its goal.
+/// Returns the table; bold where `auto` misses its goal.
 fn table(rows: &[Measured<Row>]) -> String {
     let head = [
         "cut",

@@ -1,5 +1,5 @@
-//! Measures what it saves, and what it costs, to compute less where nobody looks: time beside error, the error stated beside the true one,
-//! the budget asked for beside the time taken.
+//! Measures what it saves, and what it costs, to compute less where nobody looks: time beside error, the
+//! error stated beside the true one, the budget asked for beside the time taken.
 
 mod coverage;
 mod fine;
@@ -25,7 +25,7 @@ use crate::results::{Measured, short};
 
 const SAVINGS: Shown<Row> = Shown { name: "fidelity", table: savings_table, picture: None };
 
-/// Steps that are not timed: the governor comes to its levels, and what is to fall falls.
+/// Steps that are not timed, in which the governor comes to its levels and falling bodies come down.
 const WARM_UP: usize = 120;
 
 /// Measures the savings and the errors of fidelity.
@@ -36,7 +36,8 @@ pub(crate) struct Fidelities {
     /// Print one JSON object at the end.
     #[arg(long)]
     json: bool,
-    /// Runs of each, every one of a seed of its own where the scene has one; of loads out of proportion the fastest counts.
+    /// Runs of each, each run with a seed of its own where the scene has one; of loads out of proportion the
+    /// fastest counts.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     /// Measures one part; rows of the others stay in their files.
@@ -61,15 +62,17 @@ struct Row {
     bodies: usize,
     regions: usize,
     setting: String,
-    /// The time that a tick was to take, where one was asked for.
+    /// The time that a tick was to take, milliseconds, where a budget was asked for.
     budget_ms: Option<f64>,
     step_ms: f64,
     p99_ms: f64,
-    /// Of what the same steps take when all is computed in full: the mean, the least and the most of all runs.
+    /// The time over that of the same steps with all computed in full: the mean, the least and the most of
+    /// all runs.
     share_percent: f64,
     least_share_percent: f64,
     most_share_percent: f64,
-    /// Counts of regions by how often they are stepped at the end of the first run, and the error that is stated then.
+    /// The numbers of regions by how often they are stepped at the end of the first run, and the error stated
+    /// then.
     full: usize,
     half: usize,
     quarter: usize,
@@ -77,17 +80,17 @@ struct Row {
     low95_m_s: f32,
     high95_m_s: f32,
     audits: u64,
-    /// Ticks above the budget, percent of those that were timed.
+    /// Ticks above the budget, percent of the timed ticks.
     overrun_percent: f64,
-    /// Means of the timed steps.
+    /// Means over every tenth timed step.
     energy_j: f64,
     penetration_mm: f64,
-    /// Says how far worlds in full, of as many seeds, are from their mean at most in both.
+    /// How far worlds in full, with as many seeds, are from their mean at most, in energy and in penetration.
     energy_spread_j: f64,
     penetration_spread_mm: f64,
 }
 
-/// A scene: its name, what says how large it is, how large, and its seed where it has one.
+/// A scene: its name, the parameter that says how large it is, the value of that, and whether it has a seed.
 type Case = (&'static str, &'static str, usize, bool);
 
 impl Fidelities {
@@ -167,7 +170,7 @@ fn scene_of((name, key, count, has_seed): Case, seed: i64) -> Result<Scene, Box<
     let params = if has_seed { params.with("seed", seed) } else { params };
     let mut scene = Scene::named(name, &params)?;
     if scene.viewpoints.is_empty() {
-        // A quarter of its length is looked at, from one end.
+        // A quarter of the scene's length is looked at, from one end.
         let [min, max] = [scene.bounds.min, scene.bounds.max];
         scene.viewpoints = vec![Viewpoint { at: [min[0], 0.0, 0.0], radius_m: 0.25 * (max[0] - min[0]) }];
         scene.regions = Some(8);
@@ -181,9 +184,9 @@ fn world(scene: &Scene, fidelity: Fidelity) -> Result<LocalWorld, Box<dyn Error>
 
 /// A run of one setting.
 struct Run {
-    /// Milliseconds that each step took which was timed.
+    /// The milliseconds that each timed step took.
     took_ms: Vec<f64>,
-    /// Means of the timed steps.
+    /// Means over every tenth timed step.
     energy_j: f64,
     penetration_m: f64,
     report: FidelityReport,
@@ -213,13 +216,13 @@ fn mean(of: impl ExactSizeIterator<Item = f64>) -> f64 {
     of.sum::<f64>() / count
 }
 
-/// Returns how far any is from the mean of all, at most.
+/// Returns the largest distance of a value from the mean of all.
 fn spread(of: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     let mean = mean(of.clone());
     of.fold(0.0, |most, value| f64::max(most, (value - mean).abs()))
 }
 
-/// Returns the median step of a run in full, milliseconds: budgets need to know what the whole takes.
+/// Returns the median step of a run in full, milliseconds, of which budgets are a part.
 fn full_step_ms(scene: &Scene) -> Result<f64, Box<dyn Error>> {
     let mut full = world(scene, Fidelity::Off)?;
     let mut took_ms = Vec::new();
@@ -234,7 +237,7 @@ fn full_step_ms(scene: &Scene) -> Result<f64, Box<dyn Error>> {
     Ok(took_ms[took_ms.len() / 2])
 }
 
-/// Runs all settings of a scene in turn, step by step; repeats that, each time with another seed.
+/// Runs all settings of a scene in turn, step by step, and repeats that with another seed each time.
 fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let first = scene_of(case, 1)?;
     let full_ms = full_step_ms(&first)?;
@@ -284,7 +287,7 @@ fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn
 }
 
 impl Row {
-    /// Takes in what the runs of a setting took, beside those of the same seeds in full.
+    /// Takes in the runs of a setting, beside those of the same seeds in full.
     fn of(mut self, runs: &[Run], full: &[Run], fidelity: Fidelity) -> Self {
         self.step_ms = mean(runs.iter().map(Run::mean_ms));
         self.p99_ms = mean(runs.iter().map(Run::p99_ms));

@@ -1,11 +1,12 @@
-//! Draws what a setting adds to the error of a scene beside the time that it takes, and stated errors beside true ones.
+//! Draws what a setting adds to the error of a scene beside the time that it takes, and stated errors beside
+//! true ones.
 
 use super::Row;
 use super::coverage::Cover;
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::results::Measured;
 
-/// Settings by the names of their rows, as they are drawn.
+/// The settings by the names of their rows, with the colour and mark by which they are drawn.
 const SETTINGS: [(&str, plotters::style::RGBColor, Mark); 5] = [
     ("full", BLACK_LINE, Mark::Square),
     ("auto", COLOURS[0], Mark::Dot),
@@ -14,7 +15,7 @@ const SETTINGS: [(&str, plotters::style::RGBColor, Mark); 5] = [
     ("budget, 50 %", COLOURS[3], Mark::Cross),
 ];
 
-/// A panel for each scene, and one of the errors that were stated.
+/// Draws a panel for each scene, and one of the stated errors.
 pub(super) fn picture(savings: &[Measured<Row>], covers: &[Measured<Cover>]) -> LinePanels {
     let mut scenes: Vec<_> = savings.iter().map(|row| (&*row.row.scene, row.row.bodies)).collect();
     scenes.dedup();
@@ -33,7 +34,7 @@ pub(super) fn picture(savings: &[Measured<Row>], covers: &[Measured<Cover>]) -> 
     }
 }
 
-/// Energy is what every scene has; the table has penetrations, too.
+/// Returns the panel of a scene. It shows the energy, which every scene has; the table has penetrations, too.
 fn added(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     let of_scene: Vec<_> = rows.iter().filter(|row| row.scene == scene && row.bodies == bodies).collect();
     let full_j = of_scene.iter().find(|row| row.setting == "full").map_or(f64::NAN, |row| row.energy_j);
@@ -57,10 +58,10 @@ fn added(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
 fn stated(covers: &[&Cover]) -> LinePanel {
     let lines = SETTINGS.into_iter().flat_map(|(setting, colour, mark)| {
         let of_setting = covers.iter().filter(move |cover| cover.setting == setting);
-        // Both settings of a scene lie close to one another.
+        // Both settings of a scene lie close to one another, so one label serves both.
         let label = move |cover: &Cover| if setting == "auto" { cover.scene.clone() } else { String::new() };
         let points = of_setting.map(move |cover| (cover.true_m_s, cover.stated_m_s, label(cover)));
-        // Each by itself: nothing lies between two scenes.
+        // Each point is a line by itself: nothing lies between two scenes.
         points.map(move |point| Line {
             name: setting.to_owned(),
             colour,
@@ -75,7 +76,7 @@ fn stated(covers: &[&Cover]) -> LinePanel {
     if ends[0] < ends[1] {
         let points = ends.map(|error| (error, error, String::new())).into();
         let (name, mark) = ("stated as it is".to_owned(), Mark::Ring);
-        // Below the others.
+        // Drawn below the others.
         lines.insert(0, Line { name, colour: COLOURS[6], thick: false, mark, points });
     }
     LinePanel {

@@ -1,4 +1,5 @@
-//! Calls a process by QUIC as no honest process does: with handshakes that are begun and go no further, without a name or with one.
+//! Calls a process over QUIC as no honest process does: with handshakes that are begun and go no further,
+//! without a name or with one.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -16,20 +17,20 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName, UnixTime};
 use rustls::{DigitallySignedStruct, SignatureScheme};
 
-/// Lanes of a link.
+/// The number of lanes of a link.
 const LANES: u8 = 4;
-/// Handshakes that may wait for what a peer says; of more, the oldest is forgotten.
+/// The most handshakes that may wait for an answer; beyond that the oldest is forgotten.
 const WAITING: usize = 2_000;
 
-/// Begins handshakes from one address, each as a stranger of its own.
+/// A caller that begins handshakes from one address, each as a stranger of its own.
 pub(super) struct Caller {
     endpoint: Endpoint,
     config: ClientConfig,
     socket: UdpSocket,
     target: SocketAddr,
-    /// By the order in which they were begun.
+    /// The handshakes that wait, by the order in which they were begun.
     waiting: BTreeMap<u64, (ConnectionHandle, Connection)>,
-    /// Which of them has a handle, which another had before.
+    /// The number of the handshake that has a handle now; another may have had the handle before.
     numbers: BTreeMap<usize, u64>,
     begun: u64,
     packets: Vec<u8>,
@@ -68,7 +69,7 @@ impl Caller {
         Ok(())
     }
 
-    /// Proves this address to a peer that has asked for that, and says nothing more. Returns how often.
+    /// Proves this address to each peer that has asked for that, and says nothing more. Returns how often.
     pub(super) fn prove(&mut self) -> u64 {
         let mut packet = [0; 2_048];
         let mut proved = 0;
@@ -91,14 +92,15 @@ impl Caller {
 
     fn send(&mut self, now: Instant, connection: &mut Connection) {
         while let Some(transmit) = connection.poll_transmit(now, 1, &mut self.packets) {
-            // A socket whose buffer is full loses it, as a network would.
+            // A socket whose buffer is full loses the packet, as a network would.
             let _ = self.socket.send_to(&self.packets[..transmit.size], self.target);
             self.packets.clear();
         }
     }
 }
 
-/// Returns the settings of a peer that is anybody, or has joined, and takes in so many bytes of each stream and connection.
+/// Returns the settings of a peer without a name, or of one that has joined. The peer takes in so many bytes
+/// of each stream, and four times as many of the connection.
 pub(super) fn settings(
     identity: Option<&Identity>,
     window_bytes: u32,
@@ -115,7 +117,7 @@ pub(super) fn settings(
     Ok(config)
 }
 
-/// A link of a peer that has joined. What comes over it lies there.
+/// A link of a peer that has joined. Nothing that comes over it is read.
 pub(super) struct Link {
     pub(super) connection: quinn::Connection,
     pub(super) lanes: Vec<quinn::SendStream>,
@@ -123,7 +125,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Calls and greets a server or node.
+    /// Connects to a server or node, and greets it.
     pub(super) async fn make(
         endpoint: &quinn::Endpoint,
         settings: &quinn::ClientConfig,
@@ -144,7 +146,7 @@ impl Link {
         Ok(Self { connection, lanes, _unread: unread })
     }
 
-    /// Says something on a lane.
+    /// Sends a frame on a lane.
     pub(super) async fn say(&mut self, lane: usize, frame: &[u8]) -> Result<(), quinn::WriteError> {
         let length = (frame.len() as u32).to_le_bytes();
         self.lanes[lane].write_all(&[&length[..], frame].concat()).await
@@ -172,7 +174,7 @@ fn tls(identity: Option<&Identity>) -> Result<rustls::ClientConfig, Box<dyn Erro
     Ok(config)
 }
 
-/// Trusts whoever answers: what matters is what the call costs it.
+/// A verifier that trusts whoever answers: what matters is what the call costs the peer.
 #[derive(Debug)]
 struct Anybody;
 

@@ -1,21 +1,21 @@
-//! Decides whether a flood cost more than it may, and names those that are known to.
+//! Decides whether a flood cost more than it may, and names the floods that are known to.
 
 use super::Row;
 use super::hostile::Flood;
 
-/// Bounds what a flood may cost.
+/// The bounds of what a flood may cost.
 #[derive(Clone, Copy)]
 pub(super) struct Gates {
-    /// Megabytes by which a server or node may grow.
+    /// The megabytes by which a server or node may grow.
     pub(super) memory_mb: f64,
-    /// The factor by which others' slowest ticks, one in a hundred, may take longer.
+    /// The factor by which the 99th percentile of the world's tick times may grow.
     pub(super) ticks: f64,
 }
 
 pub(super) const GATES: Gates = Gates { memory_mb: 64.0, ticks: 1.2 };
 
-/// Floods that miss a gate, as the page of results says, and what they may cost: half as much again as was measured, and what is
-/// beyond that is another fault.
+/// Floods that miss a gate, as the page of results says, and what they may cost instead: half as much again
+/// as was measured. What is beyond that is another fault.
 const OPEN: [(Flood, Gates); 7] = [
     (Flood::ProvedAtNode, Gates { ticks: 3.0, ..GATES }),
     (Flood::Datagrams, Gates { ticks: 4.7, ..GATES }),
@@ -27,15 +27,15 @@ const OPEN: [(Flood, Gates); 7] = [
 ];
 
 impl Gates {
-    /// Returns the gates that a flood keeps: the usual ones, or those of what is open.
+    /// Returns the gates of a flood: the usual ones, or those in `OPEN`.
     fn of(flood: Flood) -> Self {
         OPEN.iter().find(|(open, _)| *open == flood).map_or(GATES, |(_, gates)| *gates)
     }
 }
 
 impl Row {
-    /// Returns what the flood cost beyond what it may, in words. Ticks and joins count where they were `timed`: measured for long enough, on
-    /// a machine that did nothing else.
+    /// Returns in words what the flood cost beyond its gates. Ticks and joins count only where they were
+    /// `timed`: measured for long enough, on a machine that did nothing else.
     pub(super) fn missed(&self, timed: bool) -> Vec<String> {
         let Gates { memory_mb, ticks } = Gates::of(self.flood);
         let mut missed = Vec::new();
@@ -60,7 +60,8 @@ mod tests {
     use super::*;
     use crate::results::{committed, read_csv};
 
-    /// Returns the floods that miss a gate where memory and slowest ticks are so many times what is committed.
+    /// Returns the floods that would miss a gate if memory and slowest ticks were so many times the committed
+    /// ones.
     fn missed(memory: f64, ticks: f64) -> Vec<Flood> {
         let rows = read_csv::<Row>(&committed().join("floods.csv")).unwrap();
         let cost = |row: &mut Row| {

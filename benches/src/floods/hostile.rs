@@ -1,4 +1,5 @@
-//! Floods a server and a node, at a low priority and on one core: what it takes of the machine is not to count as what it does to them.
+//! Floods a server and a node, at a low priority and on one core, so that what the flood takes of the machine
+//! does not count as what it does to them.
 
 use std::error::Error;
 use std::net::{SocketAddr, UdpSocket};
@@ -16,23 +17,23 @@ use super::calls::{Caller, Link, settings};
 use crate::child::answer;
 
 const LIMIT: Duration = Duration::from_secs(60);
-/// Handshakes per second that are tried.
+/// The number of handshakes per second that are tried.
 const HANDSHAKES_PER_S: u64 = 10_000;
-/// Handshakes that are under way at a time, of those that are finished.
+/// The number of connections that a flood of finished handshakes holds or makes at the same time.
 const AT_A_TIME: usize = 256;
-/// So little of a stream is taken in by who reads nothing.
+/// The bytes of a stream that are taken in by a peer that reads nothing.
 const SLOW_WINDOW_BYTES: u32 = 1_024;
 const USUAL_WINDOW_BYTES: u32 = 1 << 20;
-/// Frames in one write.
+/// The number of frames in one write.
 const FRAMES_AT_ONCE: usize = 100;
 const ADMIN: usize = 0;
 const CLIENT: usize = 2;
 
-/// Names what hostile peers do.
+/// What hostile peers do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Flood {
-    /// Nothing: the process computes beside the world, as all others do beside flooding.
+    /// Nothing: the process only computes beside the world, as all others do beside flooding.
     BusyCore,
     /// First packets of handshakes, at the server.
     Begun,
@@ -42,11 +43,11 @@ pub(super) enum Flood {
     Proved,
     /// The same at the node.
     ProvedAtNode,
-    /// Handshakes that are finished without a name, and nothing is asked, at the server.
+    /// Handshakes that are finished without a name, after which nothing is asked, at the server.
     Finished,
     /// The same at the node, which lets nobody in without a name.
     FinishedAtNode,
-    /// Datagrams of random bytes, a part of which look like QUIC, at the server.
+    /// Datagrams of random bytes, some of which look like QUIC, at the server.
     Datagrams,
     /// The same at the node.
     DatagramsAtNode,
@@ -63,7 +64,7 @@ pub(super) enum Flood {
 }
 
 impl Flood {
-    /// Returns as what its peers join, and how many.
+    /// Returns the role in which its peers join, and their number.
     pub(super) fn peers(self) -> Option<(JoinRole, u32)> {
         match self {
             Self::SlowClients => Some((JoinRole::Client, 100)),
@@ -75,7 +76,7 @@ impl Flood {
     }
 }
 
-/// Is the hostile process.
+/// Runs the hostile process.
 #[derive(Args)]
 pub(super) struct Hostile {
     #[arg(long)]
@@ -84,20 +85,20 @@ pub(super) struct Hostile {
     server: SocketAddr,
     #[arg(long)]
     node: SocketAddr,
-    /// Lets its peers in.
+    /// Token by which its peers join.
     #[arg(long)]
     token: Option<String>,
     #[arg(long)]
     seconds: f64,
-    /// Sends so many datagrams, however long that takes.
+    /// Number of datagrams to send, however long that takes.
     #[arg(long)]
     datagrams: u64,
-    /// Priority in the system, 0 to 19: the lowest.
+    /// Priority in the system, 0 to 19, which is the lowest.
     #[arg(long)]
     nice: i32,
 }
 
-/// Counts what was sent: handshakes, datagrams, links or frames.
+/// The number of handshakes, datagrams, links or frames sent, and the time that took.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Sent {
     pub(super) count: u64,
@@ -105,7 +106,7 @@ pub(super) struct Sent {
 }
 
 impl Hostile {
-    /// Says when it is ready, floods once it is told to, and says what it sent.
+    /// Says when it is ready, floods once it is told to, and then says what it sent.
     pub(super) fn run(self) -> Result<(), Box<dyn Error>> {
         rustix::process::setpriority_process(None, self.nice)?;
         let mut last = CpuSet::new();
@@ -155,11 +156,11 @@ impl Hostile {
         }
     }
 
-    /// Lets those that have joined do what they do.
+    /// Lets the peers that have joined act as the flood says.
     fn let_in(&self, peers: &[Identity], until: Instant) -> Result<u64, Box<dyn Error>> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let sent = AtomicU64::new(0);
-        // Nobody answers there.
+        // Nobody answers at this address.
         let silent = UdpSocket::bind("127.0.0.1:0")?;
         let address = silent.local_addr()?;
         runtime.block_on(async {
@@ -197,14 +198,14 @@ impl Hostile {
     }
 }
 
-/// A peer that is let in.
+/// A peer that has been let in.
 struct Peer<'a> {
     endpoint: &'a quinn::Endpoint,
     settings: quinn::ClientConfig,
     identity: &'a Identity,
     server: SocketAddr,
     node: SocketAddr,
-    /// Where it says that it listens.
+    /// The address at which the peer says that it listens.
     address: SocketAddr,
     sent: &'a AtomicU64,
 }
@@ -218,14 +219,14 @@ impl Peer<'_> {
                 Flood::Pings => self.ping().await,
                 _ => self.read_nothing().await,
             };
-            // It is refused, or sent away: it comes again, not in a circle.
+            // The peer was refused or sent away: it comes again, but not in a busy loop.
             if result.is_err() {
                 tokio::time::sleep(Duration::from_millis(20)).await;
             }
         }
     }
 
-    /// Greets the server as what it is.
+    /// Connects to the server and greets it in the peer's role.
     async fn greeted(&self) -> Result<Link, Box<dyn Error + Send + Sync>> {
         let role = match self.identity.role() {
             JoinRole::Client => JoinAs::Client { interest: None },
@@ -255,7 +256,7 @@ impl Peer<'_> {
         loop {
             let length = random.below(2_000);
             let frame: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
-            // A write does not wait until the peer has closed.
+            // A write does not wait until the peer has closed, so the task yields below.
             link.say(random.below(3) as usize, &frame).await?;
             self.sent.fetch_add(1, Ordering::Relaxed);
             tokio::task::yield_now().await;
@@ -276,7 +277,8 @@ impl Peer<'_> {
     }
 }
 
-/// Begins handshakes, evenly over time as far as this process gets to it. Counts first packets, or proofs where it proves its address.
+/// Begins handshakes, evenly over time as far as this process keeps up. Returns the number of first packets,
+/// or of proofs where it proves its address.
 fn begin(target: SocketAddr, until: Instant, proves: bool) -> Result<u64, Box<dyn Error>> {
     let (mut caller, start) = (Caller::new(target)?, Instant::now());
     let (mut begun, mut proved) = (0, 0);
@@ -286,7 +288,7 @@ fn begin(target: SocketAddr, until: Instant, proves: bool) -> Result<u64, Box<dy
             return Ok(if proves { proved } else { begun });
         }
         let due = (now - start).as_micros() as u64 * HANDSHAKES_PER_S / 1_000_000;
-        // What it does not get to it does not make up for.
+        // At most 20 at a time; what is still due follows in the next rounds.
         for _ in begun..due.min(begun + 20) {
             caller.begin()?;
         }
@@ -300,7 +302,8 @@ fn begin(target: SocketAddr, until: Instant, proves: bool) -> Result<u64, Box<dy
     }
 }
 
-/// Finishes handshakes without a name, as many as this process can, and keeps each connection until it is closed.
+/// Finishes handshakes without a name, as many as this process can, and keeps each connection until it is
+/// closed.
 fn finish(target: SocketAddr, until: Instant) -> Result<u64, Box<dyn Error>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let finished = runtime.block_on(async {
@@ -325,7 +328,8 @@ fn finish(target: SocketAddr, until: Instant) -> Result<u64, Box<dyn Error>> {
     finished
 }
 
-/// Sends datagrams as fast as the socket takes them: of random bytes, like first packets, of unknown versions, of connections.
+/// Sends datagrams as fast as the socket takes them: of random bytes, and such as look like first packets,
+/// like packets of unknown versions, or like packets of connections.
 fn datagrams(target: SocketAddr, count: u64) -> Result<u64, Box<dyn Error>> {
     const LONGEST: usize = 1_200;
     let socket = UdpSocket::bind("127.0.0.1:0")?;
@@ -345,13 +349,13 @@ fn datagrams(target: SocketAddr, count: u64) -> Result<u64, Box<dyn Error>> {
                 packet[23..26].copy_from_slice(&[0, (length >> 8) as u8, length as u8]);
                 LONGEST
             }
-            // The same of a version that nobody knows.
+            // The same, of a version that nobody knows.
             1 => {
                 packet[..6].copy_from_slice(&[0xc3, 0xaa, 0xbb, 0xcc, 0xdd, 8]);
                 packet[14] = 8;
                 LONGEST
             }
-            // A packet of a connection that there is not.
+            // A packet of a connection that does not exist.
             2 => {
                 packet[0] = 0x40 | packet[0] & 0x3f;
                 21 + random.below(1_000) as usize

@@ -1,5 +1,5 @@
-//! Measures what hostile peers cost a world: a server, a node that computes and an honest client in real processes, before, in and after a
-//! flood of another process, beside clients that join meanwhile.
+//! Measures what hostile peers cost a world: a server, a node that computes and an honest client in real
+//! processes, before, in and after a flood by another process, while clients join.
 
 mod calls;
 mod gates;
@@ -31,17 +31,17 @@ use crate::usage::Usage;
 
 const SHOWN: Shown<Row> = Shown { name: "floods", table, picture: None };
 const LIMIT: Duration = Duration::from_secs(60);
-/// Who joins in a flood waits no longer.
+/// The longest time that a client which joins in a flood waits.
 const JOINING: Duration = Duration::from_secs(10);
-/// Between two that join.
+/// The time between two joins.
 const APART: Duration = Duration::from_millis(250);
-/// Until links of peers that are gone are given up, and what was theirs is freed.
+/// The time until links of peers that are gone are given up, and what was theirs is freed.
 const AFTER: Duration = Duration::from_secs(12);
 
-/// Says which floods, how long each takes, and where its results go.
+/// The settings of the runs: which floods, how long each takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Floods {
-    /// These alone; rows of others stay as they are.
+    /// Only these floods; rows of others stay in the file.
     #[arg(long, value_delimiter = ',', value_name = "FLOOD")]
     flood: Vec<Flood>,
     /// Cubes of the scene `dve`, which all move all the time.
@@ -50,37 +50,38 @@ pub(crate) struct Floods {
     /// Seconds before and in each flood.
     #[arg(long, default_value_t = 10.0, conflicts_with = "quick")]
     seconds: f64,
-    /// Datagrams of random bytes.
+    /// Number of datagrams of random bytes.
     #[arg(long, default_value_t = 1_000_000, conflicts_with = "quick")]
     datagrams: u64,
-    /// Priority of the hostile process, which has the last core: 0, as the world's, to 19, below all others.
+    /// Priority of the hostile process, which has the last core: from 0, as the world's, to 19, below all
+    /// others.
     #[arg(long, default_value_t = 19)]
     nice: i32,
     #[command(flatten)]
     output: Output,
 }
 
-/// Tells what one flood cost.
+/// The cost of one flood.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     flood: Flood,
     cubes: usize,
     seconds: f64,
     nice: i32,
-    /// Handshakes, datagrams, links or frames of the hostile process.
+    /// The handshakes, datagrams, links or frames that the hostile process sent.
     sent: u64,
     sent_per_s: f64,
-    /// Resident memory before, at most in the flood, and after it.
+    /// Resident memory before the flood, at most in it, and after it.
     server_before_mb: f64,
     server_peak_mb: f64,
     server_after_mb: f64,
     node_before_mb: f64,
     node_peak_mb: f64,
     node_after_mb: f64,
-    /// By how much the one that grew most did; whether that is within the gate.
+    /// By how much the process that grew most grew, and whether that is within the gate.
     grown_mb: f64,
     memory_holds: bool,
-    /// What the node computes of a tick, milliseconds, before and in the flood.
+    /// The time that the node computes per tick, milliseconds, before and in the flood.
     tick_p50_before_ms: f64,
     tick_p50_ms: f64,
     tick_p99_before_ms: f64,
@@ -88,19 +89,19 @@ struct Row {
     /// Whether the 99th percentile is within the gate.
     ticks_hold: bool,
     ticks_per_s: f64,
-    /// Processor time of the node's world per tick, before and in the flood.
+    /// Processor time of the node's world per tick, milliseconds, before and in the flood.
     world_before_ms: f64,
     world_ms: f64,
-    /// Parts of a core that the threads of both networks take in the flood.
+    /// The parts of a core that the network's threads of server and node take in the flood.
     server_net_cores: f64,
     node_net_cores: f64,
-    /// What it takes a client to join and to have the world.
+    /// The time that a client takes to join and to have the world.
     join_before_ms: f64,
     join_p50_ms: f64,
     join_max_ms: f64,
     joins: usize,
     joins_failed: usize,
-    /// Batches of states that a client took in which was there before.
+    /// The batches of states per second that were taken in by a client that was there before.
     updates_per_s: f64,
 }
 
@@ -109,7 +110,7 @@ impl Floods {
         let rows = self.output.fill(&SHOWN, |rows| self.measure(rows))?;
         let mut holds = true;
         for Measured { row, .. } in &rows {
-            // A second on a machine that does something else besides says nothing of times.
+            // One second on a machine that does other things besides says nothing about times.
             for missed in row.missed(!self.output.quick) {
                 eprintln!("{}: {missed}", name(row.flood));
                 holds = false;
@@ -144,7 +145,7 @@ impl Floods {
         Ok(())
     }
 
-    /// Serves a world of its own, and floods it.
+    /// Serves a world of its own, floods it, and measures what that costs.
     fn suffer(&self, flood: Flood) -> Result<Row, Box<dyn Error>> {
         let quick = self.output.quick;
         let (seconds, datagrams, after) =
@@ -217,13 +218,13 @@ struct World {
     _data: tempfile::TempDir,
 }
 
-/// What a world did for some seconds.
+/// The figures of a world over some seconds.
 struct Phase {
     seconds: f64,
     ticks_ms: Vec<f64>,
-    /// Per tick.
+    /// Processor time of the node's world per tick, milliseconds.
     world_ms: f64,
-    /// Of server and node.
+    /// The parts of a core that the network's threads of server and node took.
     net_cores: [f64; 2],
     joins_ms: Vec<f64>,
     joins_failed: usize,
@@ -268,7 +269,7 @@ impl World {
         Ok(JoinConfig { timeout, ..JoinConfig::new(self.server_at, self.token(JoinRole::Client, 1_000)?) })
     }
 
-    /// Starts the hostile process, and waits until it may begin.
+    /// Starts the hostile process, and waits until it is ready to begin.
     fn hostile(
         &self,
         flood: Flood,
@@ -297,7 +298,7 @@ impl World {
         Ok(hostile)
     }
 
-    /// Measures what happens during something, while clients join one after the other.
+    /// Measures the world while `during` runs and clients join one after the other.
     fn phase(
         &mut self,
         client: &ClientWorld,
@@ -338,7 +339,7 @@ impl World {
         Ok([Memory::of(self.server.id())?, Memory::of(self.node.id())?])
     }
 
-    /// Lets the peaks of both begin anew.
+    /// Resets the memory peaks of both processes.
     fn forget_peaks(&self) -> Result<(), Box<dyn Error>> {
         for process in [self.server.id(), self.node.id()] {
             fs::write(format!("/proc/{process}/clear_refs"), "5")?;
@@ -358,7 +359,7 @@ impl Memory {
     }
 }
 
-/// Joins as an honest client and leaves again, until it is told to stop.
+/// Joins as an honest client and leaves again, over and over, until it is told to stop.
 fn join_on_and_on(
     config: &JoinConfig,
     stopped: mpsc::Receiver<()>,

@@ -18,7 +18,7 @@ use crate::child::answer;
 
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Is one of the processes of a flood: started by `floods`.
+/// Runs one of the processes of a flood: started by `floods`.
 #[derive(Args)]
 pub(crate) struct FloodProcess {
     #[command(subcommand)]
@@ -48,7 +48,8 @@ enum Role {
 /// The ticks of a node since it was last asked.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Ticks {
-    /// When each was complete, microseconds since its start, and how long it was computed.
+    /// When each tick was complete, microseconds since the node's start, and how long it was computed,
+    /// microseconds.
     pub(super) ticks: Vec<(u64, u32)>,
 }
 
@@ -62,7 +63,7 @@ impl FloodProcess {
     }
 }
 
-/// Says where it listens, and then at which tick the world is.
+/// Prints the address where it listens, and then answers with the tick of the world.
 fn serve(data: PathBuf, cubes: usize) -> Result<(), Box<dyn Error>> {
     let scene = Scene::named("dve", &Params::new().with("n", cubes))?;
     let config = ServeConfig { events: false, ..ServeConfig::new(data) };
@@ -71,7 +72,7 @@ fn serve(data: PathBuf, cubes: usize) -> Result<(), Box<dyn Error>> {
     answer(|| server.summary().tick.0)
 }
 
-/// Says who it is and where it listens, and then what its ticks took.
+/// Prints the node's id and the address where it listens, and then answers with its ticks.
 fn compute(server: SocketAddr, token: String) -> Result<(), Box<dyn Error>> {
     let identity = JoinConfig { timeout: LIMIT, ..JoinConfig::new(server, token) }.join(JoinRole::Node)?;
     let (ticks, start) = (Arc::new(Mutex::new(Vec::new())), Instant::now());
@@ -80,7 +81,7 @@ fn compute(server: SocketAddr, token: String) -> Result<(), Box<dyn Error>> {
         let at = (start.elapsed().as_micros() as u64, stats.compute_us);
         noted.lock().unwrap_or_else(PoisonError::into_inner).push(at);
     };
-    // Any free port, which its summary does not tell.
+    // Any free port, found here since the node's summary does not tell its address.
     let listen = UdpSocket::bind("127.0.0.1:0")?.local_addr()?;
     let mut config = MemberConfig::new(server, identity);
     config.listen = Some(listen);

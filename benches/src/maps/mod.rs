@@ -1,4 +1,5 @@
-//! Maps where methods fail: heat maps over what makes them fail, with the map of one bare Rapier world beside each.
+//! Maps where methods fail: heat maps over the quantities that make them fail, with the map of one bare
+//! Rapier world beside each.
 
 mod network;
 mod picture;
@@ -24,7 +25,7 @@ use crate::results::Measured;
 
 const SHOWN: Shown<Row> = Shown { name: "maps", table: |_| String::new(), picture: None };
 
-/// Which maps are made.
+/// The maps that are made.
 #[derive(Args)]
 pub(crate) struct Maps {
     #[command(flatten)]
@@ -36,30 +37,30 @@ pub(crate) struct Maps {
 
 /// A kind of map.
 pub(crate) struct Kind {
-    /// As it is asked for.
+    /// The name by which it is asked for.
     name: &'static str,
     title: &'static str,
-    /// What is in a cell, as a formula, and what is computed.
+    /// The formula of a cell, and what is computed.
     caption: &'static str,
     x_label: &'static str,
     y_label: &'static str,
     scale_label: &'static str,
-    /// Values of the best and of the worst colour.
+    /// The values of the best and of the worst colour.
     scale: (f64, f64),
     grid: fn(quick: bool) -> Grid,
-    /// The value of a cell; the method is none for one bare world.
+    /// Returns the value of a cell, whose method is `None` for one bare world.
     cell: fn(&Cell, quick: bool) -> Result<f64, WorldError>,
 }
 
 /// All cells of a kind, for every method.
 struct Grid {
-    /// One picture each.
+    /// The panels, with a picture each.
     panels: Vec<&'static str>,
     x: Vec<f64>,
     y: Vec<f64>,
 }
 
-/// What is computed once.
+/// One computation.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     panel: &'static str,
@@ -68,12 +69,12 @@ struct Cell {
     y: f64,
 }
 
-/// A cell and what came of it.
+/// A cell and its value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     map: String,
     panel: String,
-    /// Name of the coupling; `bare` for one Rapier world.
+    /// The name of the coupling; `bare` for one Rapier world.
     method: String,
     x: f64,
     y: f64,
@@ -84,7 +85,7 @@ const KINDS: [&Kind; 4] = [&tower::KIND, &projectile::KIND, &restitution::KIND, 
 
 const BARE: &str = "bare";
 
-/// What a world gives that has lost a body or a number.
+/// The value of a world that has lost a body or has a value that is no number.
 const BROKEN: f64 = 1e6;
 
 impl Maps {
@@ -152,7 +153,8 @@ impl Kind {
     }
 }
 
-/// The scene as one bare world, or cut by planes and coupled by a method with its usual settings, changed if need be.
+/// Builds the scene as one bare world, or cut by planes and coupled by a method with its usual settings,
+/// which `adjust` may change.
 fn subject(
     scene: &Scene,
     method: Option<Coupling>,
@@ -169,7 +171,7 @@ fn subject(
     Ok(Subject::Regions(Box::new(LocalWorld::from_scene(scene, config)?)))
 }
 
-/// Steps a world so often.
+/// Steps a world so many times.
 fn step(subject: &mut Subject, ticks: usize) -> Result<(), WorldError> {
     for _ in 0..ticks {
         match subject {

@@ -1,4 +1,4 @@
-//! Maps the error by exchanges that come late or not at all: how late, how many, and in which direction.
+//! Maps the error where exchanges come late or not at all: by how late, by how many, and in which direction.
 
 use dcd::runtime::{WorldConfig, WorldError};
 
@@ -50,7 +50,7 @@ fn cell(cell: &Cell, _quick: bool) -> Result<f64, WorldError> {
     Ok(read(&case, &Setup::Cut { regions: 2, adjust: &adjust }, &reference)?.error)
 }
 
-/// A case of the suite, in its short form.
+/// Returns a case of the suite, in its short form.
 fn case(name: &str, label: &str) -> Case {
     let experiment = experiments().into_iter().find(|experiment| experiment.name == name);
     let cases = (experiment.expect("the suite has it").cases)(Size::Quick);

@@ -4,14 +4,14 @@ use super::{BARE, Kind, Row};
 use crate::draw::{HeatMap, HeatMaps};
 use crate::results::Measured;
 
-/// Name of a panel's files, without ending.
+/// Returns the name of a panel's files, without ending.
 pub(super) fn stem(kind: &Kind, panel: &str) -> String {
     let name = if panel.is_empty() { kind.name.to_owned() } else { format!("{}-{panel}", kind.name) };
     let words: Vec<_> = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     format!("map-{}", words.join("-"))
 }
 
-/// One map a method; none when nothing of the panel was computed.
+/// Draws one map per method; `None` when nothing of the panel was computed.
 pub(super) fn picture(kind: &Kind, panel: &str, rows: &[Measured<Row>]) -> Option<HeatMaps> {
     let of_panel: Vec<_> =
         rows.iter().filter(|row| row.row.map == kind.name && row.row.panel == panel).collect();

@@ -1,4 +1,4 @@
-//! Maps the error of projectiles that cross several regions a step and meet a thin wall just past a border.
+//! Maps the error of projectiles that cross several regions per step and meet a thin wall just past a border.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::WorldPose;
@@ -27,7 +27,7 @@ pub(super) const KIND: Kind = Kind {
 const FIXED: &str = "fixed wall";
 const LOOSE: &str = "loose wall";
 
-/// A multiple of every width of regions.
+/// The place of the border, which is a multiple of every width of regions.
 const BORDER_M: f64 = 30.0;
 const WALL_M: f64 = BORDER_M + 0.05;
 const MIDDLE_M: f64 = WALL_M + 0.01;
@@ -57,7 +57,8 @@ fn shot(scene: &Scene, cell: &Cell) -> Result<f64, WorldError> {
         state.map_or([f64::NAN; 3], |state| state.2.translation)
     };
     let dt_s = f64::from(scene.dt_s);
-    // Rapier's continuous detection slows what would touch within the step, so the last free step is the one before.
+    // Rapier's continuous detection slows a ball that would touch within the step, so the last free step is
+    // the one before.
     let flight = ((WALL_M - RADIUS_M) / (cell.x * dt_s)).floor() as usize;
     step(&mut subject, flight)?;
     let [x, y, z] = place(&subject, 0);
@@ -69,7 +70,7 @@ fn shot(scene: &Scene, cell: &Cell) -> Result<f64, WorldError> {
     Ok(if free.is_finite() && behind.is_finite() { worst } else { BROKEN })
 }
 
-/// A tree that is cut from one end to the other would be too deep.
+/// Orders planes from the middle on: a tree that is cut from one end to the other would be too deep.
 fn middle_first(places: &[f64], planes: &mut Vec<(Axis, f64)>) {
     if let Some(&middle) = places.get(places.len() / 2) {
         planes.push((Axis::X, middle));

@@ -1,4 +1,4 @@
-//! Maps the error of bouncing across a border: how elastic, and with how many exchanges.
+//! Maps the error of bouncing across a border: by how elastic the balls are, and by the number of exchanges.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::WorldPose;
@@ -41,7 +41,7 @@ fn cell(cell: &Cell, _quick: bool) -> Result<f64, WorldError> {
     errors.into_iter().try_fold(0.0, |worst: f64, error| Ok(worst.max(error?)))
 }
 
-/// The error of one impact, which begins in this part of a step.
+/// Returns the error of one impact, which begins in this part of a step.
 fn impact(cell: &Cell, phase: f64) -> Result<f64, WorldError> {
     let (masses, restitution) = ([1.0, if cell.panel == EQUAL { 1.0 } else { 100.0 }], cell.y);
     let exchanges = cell.x as usize;

@@ -1,4 +1,4 @@
-//! Maps which towers stand: how heavy the top may be, how high the tower, and where the border may lie.
+//! Maps which towers stand: by the mass of the top, the height of the tower, and the place of the border.
 
 use dcd::physics::Measured as _;
 use dcd::protocol::{Velocity, WorldPose};
@@ -56,14 +56,14 @@ fn cell(cell: &Cell, quick: bool) -> Result<f64, WorldError> {
     Ok(strayed_m(&scene, &subject.states()))
 }
 
-/// How far the worst body is from where it started.
+/// Returns the largest distance of a body from where it started.
 fn strayed_m(scene: &Scene, states: &[(BodyId, RegionId, WorldPose, Velocity)]) -> f64 {
     let starts = |id: BodyId| scene.bodies[id.bits() as usize].pose.translation;
     let far = states.iter().map(|(id, _, pose, _)| {
         let start = starts(*id);
         (0..3).map(|i| (pose.translation[i] - start[i]).powi(2)).sum::<f64>().sqrt()
     });
-    // A comparison would swallow what is not a number.
+    // A comparison would swallow a value that is not a number.
     far.fold(0.0, |worst, far| if far.is_finite() { worst.max(far) } else { BROKEN })
 }
 

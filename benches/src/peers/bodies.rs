@@ -1,4 +1,5 @@
-//! Describes the bodies that every engine is given: boxes and balls of one material, as a scene of the library has them.
+//! Describes the bodies that every engine is given: boxes and balls of one material, as a scene of the
+//! library has them.
 
 use std::error::Error;
 
@@ -6,32 +7,32 @@ use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
 use dcd::scene::Scene;
 
-/// A scene in words that every engine knows.
+/// A scene in terms that every engine knows.
 #[derive(Clone, Debug)]
 pub(super) struct Bodies {
-    /// m/s².
+    /// Gravity, m/s².
     pub(super) gravity: [f32; 3],
-    /// Seconds a step.
+    /// Seconds per step.
     pub(super) dt_s: f32,
     /// Solver iterations of Rapier, substeps of Box3D.
     pub(super) substeps: usize,
-    /// Of all bodies: engines mix unlike ones by rules of their own.
+    /// The friction of all bodies: engines mix different values by rules of their own.
     pub(super) friction: f32,
-    /// Of all bodies, likewise.
+    /// The restitution of all bodies, likewise.
     pub(super) restitution: f32,
-    /// In the order of the scene.
+    /// The bodies, in the order of the scene.
     pub(super) bodies: Vec<Body>,
 }
 
 /// One body with one collider around its middle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
-    /// Dynamic; otherwise fixed.
+    /// Whether the body is dynamic; otherwise it is fixed.
     pub(super) moves: bool,
     pub(super) solid: Solid,
-    /// kg/m³.
+    /// The density, kg/m³.
     pub(super) density: f32,
-    /// Where and how fast it starts.
+    /// Where the body starts, and how fast.
     pub(super) start: State,
 }
 
@@ -44,7 +45,7 @@ pub(super) enum Solid {
     Ball(f32),
 }
 
-/// Where a body is and how it moves; numbers that are not finite stand for a body that is gone.
+/// The place and motion of a body; numbers that are not finite stand for a body that is gone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct State {
     pub(super) pose: WorldPose,
@@ -52,7 +53,7 @@ pub(super) struct State {
 }
 
 impl Bodies {
-    /// Of a scene, unless it has what some engine lacks or means otherwise.
+    /// Takes the bodies of a scene, unless it has something that some engine lacks or treats otherwise.
     pub(super) fn of(scene: &Scene) -> Result<Self, Box<dyn Error>> {
         let refuse = |index: usize, what: &str| {
             format!("`{}` cannot be run by all engines: its body {index} {what}", scene.name)
@@ -114,7 +115,7 @@ impl Bodies {
         })
     }
 
-    /// Those that move, in the order of the scene.
+    /// Returns the bodies that move, in the order of the scene.
     pub(super) fn movers(&self) -> impl Iterator<Item = &Body> {
         self.bodies.iter().filter(|body| body.moves)
     }
@@ -134,7 +135,7 @@ impl Solid {
         }
     }
 
-    /// Of a sphere around it.
+    /// Returns the radius of a sphere around it.
     pub(super) fn reach_m(self) -> f64 {
         match self {
             Self::Box(half) => f64::from(Vector::from(half).length()),
@@ -144,12 +145,12 @@ impl Solid {
 }
 
 impl State {
-    /// Of a body that the engine lost.
+    /// Returns the state of a body that the engine lost.
     pub(super) fn gone() -> Self {
         Self { pose: WorldPose::at([f64::NAN; 3]), velocity: Velocity::default() }
     }
 
-    /// Of f32 places, as engines give them.
+    /// Makes a state from f32 places, as engines give them.
     pub(super) fn new(place: [f32; 3], rotation: [f32; 4], linear: [f32; 3], angular: [f32; 3]) -> Self {
         let pose = WorldPose { translation: place.map(f64::from), rotation };
         Self { pose, velocity: Velocity { linear, angular } }

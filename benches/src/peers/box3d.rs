@@ -14,15 +14,15 @@ use super::world::{World, timed};
 /// One Box3D world, stepped by Box3D's own scheduler.
 pub(super) struct Box3d {
     id: b3WorldId,
-    /// In the order of the scene.
+    /// The bodies that move, in the order of the scene.
     movers: Vec<b3BodyId>,
     dt_s: f32,
     substeps: c_int,
 }
 
 impl Box3d {
-    /// Contact settings are Box3D's own, but for what would make it another scene: nothing sleeps, nothing is swept, and
-    /// impacts of any speed bounce.
+    /// Makes a world with contact settings that are Box3D's own, except for what would make it another scene:
+    /// nothing sleeps, nothing is swept, and impacts of any speed bounce.
     pub(super) fn new(bodies: &Bodies, threads: usize) -> Result<Self, Box<dyn Error>> {
         // SAFETY: takes nothing and gives a struct of numbers and null pointers.
         let mut def = unsafe { b3DefaultWorldDef() };
@@ -31,7 +31,8 @@ impl Box3d {
         def.enableSleep = false;
         def.enableContinuous = false;
         def.workerCount = threads.try_into()?;
-        // SAFETY: the definition is a default one, whose callbacks are null: Box3D then runs threads of its own.
+        // SAFETY: the definition is a default one, whose callbacks are null: Box3D then runs threads of its
+        // own.
         let id = unsafe { b3CreateWorld(&raw const def) };
         // SAFETY: any id may be asked for.
         if !unsafe { b3World_IsValid(id) } {
@@ -60,14 +61,15 @@ fn insert(world: b3WorldId, bodies: &Bodies, body: &Body) -> b3BodyId {
     shape.density = *density;
     shape.baseMaterial.friction = bodies.friction;
     shape.baseMaterial.restitution = bodies.restitution;
-    // SAFETY: the world is alive, for only `Drop` ends it, and the definition is a default one with numbers changed.
+    // SAFETY: the world is alive, for only `Drop` ends it, and the definition is a default one with numbers
+    // changed.
     let id = unsafe { b3CreateBody(world, &raw const def) };
     match *solid {
         Solid::Box([x, y, z]) => {
             // SAFETY: takes numbers and gives a struct without pointers.
             let hull = unsafe { b3MakeBoxHull(x, y, z) };
-            // SAFETY: the body was just made. The hull's data, whose offsets reach beyond its header, are the whole struct, which
-            // the pointer is made from; Box3D copies them.
+            // SAFETY: the body was just made. The hull's data, whose offsets reach beyond its header, are the
+            // whole struct, which the pointer is made from; Box3D copies them.
             unsafe { b3CreateHullShape(id, &raw const shape, (&raw const hull).cast()) };
         }
         Solid::Ball(radius) => {
@@ -108,8 +110,8 @@ impl Drop for Box3d {
     }
 }
 
-/// Whether Box3D was compiled with its assertions, which its crate leaves in unless the C compiler is told `-DNDEBUG`: figures
-/// of such a build say nothing.
+/// Returns whether Box3D was compiled with its assertions. Its crate leaves them in unless the C compiler is
+/// told `-DNDEBUG`; figures of such a build say nothing.
 pub(super) fn has_assertions() -> bool {
     static FIRED: AtomicBool = AtomicBool::new(false);
     static KNOWN: OnceLock<bool> = OnceLock::new();
@@ -122,8 +124,8 @@ pub(super) fn has_assertions() -> bool {
         1
     }
     *KNOWN.get_or_init(|| {
-        // SAFETY: the handlers are functions that live as long as the program and take what Box3D passes. A definition that lacks
-        // Box3D's mark breaks an assertion and nothing else: it is read as any other.
+        // SAFETY: the handlers are functions that live as long as the program and take what Box3D passes. A
+        // definition that lacks Box3D's mark breaks an assertion and nothing else: it is read as any other.
         unsafe {
             let world = b3CreateWorld(&raw const *Box::new(b3DefaultWorldDef()));
             let mut def = b3DefaultBodyDef();

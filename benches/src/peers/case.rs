@@ -1,4 +1,5 @@
-//! Lists the scenes of the comparison: towers that land, cubes that fly, boxes that are poured, and a tall pyramid.
+//! Lists the scenes of the comparison: towers that land, cubes that fly, boxes that are poured, and a tall
+//! pyramid.
 
 use std::error::Error;
 
@@ -6,17 +7,17 @@ use dcd::scene::{Params, Scene};
 
 /// A scene of the library in two sizes.
 pub(super) struct Case {
-    /// Names it in the rows; the library knows it by the same name.
+    /// The name in the rows; the library knows the scene by the same name.
     pub(super) name: &'static str,
     full: Size,
-    /// For `--quick`.
+    /// The size for `--quick`.
     small: Size,
 }
 
-/// Says how large a scene is and how long it runs.
+/// The size of a scene, and how long it runs.
 pub(super) struct Size {
     params: &'static [&'static str],
-    /// Simulated.
+    /// The simulated seconds.
     pub(super) seconds: f64,
 }
 
@@ -31,7 +32,7 @@ pub(super) const CASES: &[Case] = &[
         full: Size { params: &["n=40000", "coverage=0.1", "axis_speed=5"], seconds: 3.0 },
         small: Size { params: &["n=300", "coverage=0.1", "axis_speed=5"], seconds: 2.0 },
     },
-    // Into a bin of 25 m, which the boxes fill as high.
+    // Boxes are poured into a bin of 25 m, which they fill to the same height.
     Case {
         name: "heap",
         full: Size { params: &["n=10000", "slenderness=1.07"], seconds: 8.0 },
@@ -45,19 +46,19 @@ pub(super) const CASES: &[Case] = &[
 ];
 
 impl Case {
-    /// By its name.
+    /// Returns the case of this name.
     pub(super) fn named(name: &str) -> Result<&'static Self, String> {
         let names = || CASES.iter().map(|case| case.name).collect::<Vec<_>>().join(", ");
         let found = CASES.iter().find(|case| case.name == name);
         found.ok_or_else(|| format!("no scene `{name}` for all engines; there are {}", names()))
     }
 
-    /// Full or small.
+    /// Returns the full or the small size.
     pub(super) fn size(&self, small: bool) -> &Size {
         if small { &self.small } else { &self.full }
     }
 
-    /// The scene, as the library makes it.
+    /// Makes the scene, as the library does.
     pub(super) fn scene(&self, small: bool) -> Result<Scene, Box<dyn Error>> {
         Ok(Scene::named(self.name, &Params::from_args(self.size(small).params)?)?)
     }

@@ -20,22 +20,22 @@ use super::world::{World, timed};
 pub(super) enum Engine {
     /// One Rapier world on one thread.
     Rapier,
-    /// The same by Rapier's own `parallel`.
+    /// The same, on Rapier's own `parallel`.
     RapierParallel,
     Box3d,
     Jolt,
-    /// The regions that dcd chooses itself for so many threads.
+    /// The regions that dcd itself chooses for so many threads.
     Dcd,
     /// Two regions, whatever dcd would choose.
     DcdTwoRegions,
 }
 
-/// Bare Rapier first: all others are held against it.
+/// All engines, bare Rapier first: the others are compared with it.
 pub(super) const ENGINES: [Engine; 6] =
     [Engine::Rapier, Engine::RapierParallel, Engine::Box3d, Engine::Jolt, Engine::Dcd, Engine::DcdTwoRegions];
 
 impl Engine {
-    /// Names it in the rows.
+    /// Returns the name in the rows.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Rapier => "rapier",
@@ -47,7 +47,7 @@ impl Engine {
         }
     }
 
-    /// Of so many that may be used.
+    /// Returns the number of threads that it uses, of those that it may use.
     pub(super) const fn threads(self, most: usize) -> usize {
         match self {
             Self::Rapier => 1,
@@ -55,7 +55,7 @@ impl Engine {
         }
     }
 
-    /// The scene before its first step.
+    /// Sets up the scene before its first step.
     pub(super) fn world(
         self,
         scene: &Scene,
@@ -79,7 +79,7 @@ impl Engine {
     }
 }
 
-/// One Rapier world, or regions of several.
+/// One Rapier world, or a world of several regions.
 struct Rapier {
     subject: Subject,
     movers: Vec<BodyId>,
@@ -136,7 +136,7 @@ mod tests {
 
     use super::*;
 
-    /// All bodies of a scene after so many steps, by every engine.
+    /// Returns all bodies of a scene after so many steps, by every engine.
     fn after(scene: &Scene, ticks: usize) -> Vec<(Engine, Vec<State>)> {
         let bodies = Bodies::of(scene).unwrap();
         let run = |engine: Engine| {
@@ -151,7 +151,7 @@ mod tests {
     fn a_scene_starts_alike_in_every_engine() {
         let scene = Scene::named("heap", &Params::new().with("n", 40)).unwrap();
         for (engine, states) in after(&scene, 0) {
-            // The pit comes first.
+            // The bodies of the pit come first.
             let starts = scene.bodies[scene.bodies.len() - 40..].iter().map(|body| body.pose);
             assert_eq!(states.len(), 40, "{engine:?}");
             for (state, start) in states.iter().zip(starts) {

@@ -11,7 +11,7 @@ use joltc_sys::*;
 use super::bodies::{Bodies, Body, Solid, State};
 use super::world::{World, timed};
 
-// The crate of Jolt, which is C++, leaves it to its user to link C++'s standard library.
+// Jolt is C++, and its crate leaves it to the user to link C++'s standard library.
 #[cfg_attr(target_vendor = "apple", link(name = "c++"))]
 #[cfg_attr(not(any(target_vendor = "apple", target_env = "msvc")), link(name = "stdc++"))]
 unsafe extern "C" {}
@@ -24,28 +24,29 @@ pub(super) struct Jolt {
     layers: *mut JPC_BroadPhaseLayerInterface,
     layer_filter: *mut JPC_ObjectVsBroadPhaseLayerFilter,
     pair_filter: *mut JPC_ObjectLayerPairFilter,
-    /// One per kind of body, held until the world ends.
+    /// The shapes, one per kind of body, held until the world ends.
     shapes: Vec<((Solid, f32), *mut JPC_Shape)>,
-    /// In the order of the scene.
+    /// The bodies that move, in the order of the scene.
     movers: Vec<JPC_BodyID>,
     dt_s: f32,
 }
 
 impl Jolt {
-    /// Settings of the solver and of contacts are Jolt's own: JoltC has no way to change them.
+    /// Makes a world with Jolt's own settings of the solver and of contacts: JoltC has no way to change them.
     pub(super) fn new(bodies: &Bodies, threads: usize) -> Result<Self, Box<dyn Error>> {
-        /// Beside what is known to fit, for scenes of a few bodies.
+        /// Room for bodies beyond those that are known, for scenes of a few bodies.
         const LEAST: usize = 1_024;
-        /// Pairs of bodies that touch, or whose swept boxes do, a body. Cubes in a heap have three, and as many near.
+        /// Pairs of bodies that touch, or whose swept boxes do, per body. Cubes in a heap have three such
+        /// pairs, and as many near.
         const PAIRS: usize = 8;
-        /// Bytes for what a pair needs during a step; beyond that Jolt would end the program.
+        /// Bytes that a pair needs during a step; with too few, Jolt would end the program.
         const PAIR_BYTES: usize = 1_536;
         set_up();
         let count = bodies.bodies.len() + LEAST;
         let pairs = c_uint::try_from(PAIRS * count)?;
         let bytes = c_uint::try_from(PAIRS * count * PAIR_BYTES + (32 << 20))?;
-        // SAFETY: Jolt is set up. The three tables of functions need no object behind them, so `self` may be null. All sizes are
-        // within what Jolt counts with, and the pointers go only to calls that take them.
+        // SAFETY: Jolt is set up. The three tables of functions need no object behind them, so `self` may be
+        // null. All sizes are within what Jolt counts with, and the pointers go only to calls that take them.
         let mut jolt = unsafe {
             let layers = JPC_BroadPhaseLayerInterface_new(ptr::null(), LAYERS);
             let layer_filter = JPC_ObjectVsBroadPhaseLayerFilter_new(ptr::null(), LAYER_FILTER);
@@ -56,7 +57,7 @@ impl Jolt {
             Self {
                 system,
                 allocator: JPC_TempAllocatorImpl_new(bytes),
-                // The thread that steps works too.
+                // The thread that steps works too, hence one thread less.
                 jobs: JPC_JobSystemThreadPool_new3(
                     JPC_MAX_PHYSICS_JOBS.try_into()?,
                     JPC_MAX_PHYSICS_BARRIERS.try_into()?,
@@ -78,13 +79,13 @@ impl Jolt {
     }
 
     fn bodies(&self) -> *mut JPC_BodyInterface {
-        // SAFETY: the system is alive, and so is its interface as long.
+        // SAFETY: the system is alive, and its interface lives as long.
         unsafe { JPC_PhysicsSystem_GetBodyInterface(self.system) }
     }
 
-    /// Makes a body; those that move are added later, all at once.
+    /// Makes a body. Bodies that move are added later, all at once.
     fn insert(&mut self, bodies: &Bodies, body: &Body) -> Result<(), Box<dyn Error>> {
-        /// Of every `PhysicsSystem`, along y; a body scales it.
+        /// The gravity of every `PhysicsSystem`, along y; a body scales it.
         const GRAVITY: f32 = -9.81;
         let Body { moves, solid, density, start } = body;
         let [x, y, z, w] = start.pose.rotation;
@@ -104,7 +105,7 @@ impl Jolt {
             Shape: self.shape(*solid, *density)?,
             ..Default::default()
         };
-        // SAFETY: the system is alive and the shape too; settings are copied. Null is what Jolt gives when it is full.
+        // SAFETY: the system and the shape are alive; settings are copied. Jolt returns null when it is full.
         let id = unsafe {
             let made = JPC_BodyInterface_CreateBody(self.bodies(), &raw const settings);
             if made.is_null() {
@@ -121,7 +122,7 @@ impl Jolt {
         Ok(())
     }
 
-    /// At once, so that the tree of the broad phase is balanced.
+    /// Adds all bodies that move at once, so that the tree of the broad phase is balanced.
     fn add_movers(&mut self) -> Result<(), Box<dyn Error>> {
         // Jolt sorts them in place.
         let mut sorted = self.movers.clone();
@@ -129,7 +130,8 @@ impl Jolt {
         if sorted.is_empty() {
             return Ok(());
         }
-        // SAFETY: all were made and none was added; the list and what Jolt prepared from it are passed on as they are.
+        // SAFETY: all were made and none was added; the list and what Jolt prepared from it are passed on as
+        // they are.
         unsafe {
             let prepared = JPC_BodyInterface_AddBodiesPrepare(self.bodies(), sorted.as_mut_ptr(), count);
             let (first, activate) = (sorted.as_mut_ptr(), JPC_ACTIVATION_ACTIVATE);
@@ -153,7 +155,7 @@ impl Jolt {
                         Density: density,
                         ..Default::default()
                     };
-                    // Edges are rounded by this within the box, which is to be thicker.
+                    // Jolt rounds edges by this radius within the box, which must be thicker.
                     let least = half.into_iter().fold(f32::INFINITY, f32::min);
                     settings.ConvexRadius = settings.ConvexRadius.min(0.5 * least);
                     JPC_BoxShapeSettings_Create(&raw const settings, &raw mut shape, &raw mut error)
@@ -217,8 +219,8 @@ impl World for Jolt {
 
 impl Drop for Jolt {
     fn drop(&mut self) {
-        // SAFETY: all were made by `new` and are used no more. The system goes first, and its bodies with it, for it uses the
-        // others; shapes have been held once each.
+        // SAFETY: all were made by `new` and are used no more. The system goes first, and its bodies with it,
+        // for it uses the others; shapes have been held once each.
         unsafe {
             JPC_PhysicsSystem_delete(self.system);
             JPC_BroadPhaseLayerInterface_delete(self.layers);
@@ -233,7 +235,7 @@ impl Drop for Jolt {
     }
 }
 
-/// Once a process.
+/// Sets Jolt up, once per process.
 fn set_up() {
     static DONE: OnceLock<()> = OnceLock::new();
     // SAFETY: in the order that Jolt asks for, before anything else of it, and by one thread.
@@ -244,7 +246,7 @@ fn set_up() {
     });
 }
 
-/// Layers, both of objects and of the broad phase. What is fixed meets only what moves.
+/// The layers, both of objects and of the broad phase. Fixed objects meet only moving ones.
 const FIXED: u8 = 0;
 const MOVING: u8 = 1;
 

@@ -1,4 +1,4 @@
-//! Measures every engine alike: from the poses and velocities read back, by one geometry and one formula.
+//! Measures every engine alike: from the poses and velocities read back, with the same geometry and formulas.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::parry::query;
@@ -15,24 +15,24 @@ use super::bodies::{Bodies, Body, Solid, State};
 /// All bodies of a world at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Look {
-    /// Of all pairs that overlap, metres; 0 of none.
+    /// The mean depth of all pairs that overlap, metres; 0 if none does.
     pub(super) mean_depth_m: f64,
-    /// Of the deepest pair.
+    /// The depth of the deepest pair, metres.
     pub(super) deepest_m: f64,
-    /// Kinetic and potential, joules; heights count from y = 0.
+    /// Kinetic and potential energy, joules; heights count from y = 0.
     pub(super) energy_j: f64,
-    /// Of the middles of all bodies that move.
+    /// The mean height of the middles of all bodies that move, metres.
     pub(super) mean_height_m: f64,
-    /// Bodies that are not finite or outside of everything fixed.
+    /// The number of bodies that are not finite or outside of everything fixed.
     pub(super) lost: usize,
 }
 
-/// Sees worlds of one scene.
+/// An observer of worlds of one scene.
 pub(super) struct Looker<'a> {
     bodies: &'a Bodies,
     movers: Vec<&'a Body>,
     fixed: Vec<(Solid, WorldPose)>,
-    /// Around all that is fixed and all starts.
+    /// The box around all that is fixed and all starts.
     room: Bounds,
 }
 
@@ -62,7 +62,7 @@ impl<'a> Looker<'a> {
         }
     }
 
-    /// States are those of the bodies that move, in the order of the scene.
+    /// Measures the bodies that move, given their states in the order of the scene.
     pub(super) fn look(&self, states: &[State]) -> Look {
         assert_eq!(states.len(), self.movers.len(), "an engine gives every body that moves");
         let here = |state: &State| {
@@ -83,7 +83,7 @@ impl<'a> Looker<'a> {
         }
     }
 
-    /// ½ m v² + ½ ω·Iω − m g·x.
+    /// Returns the energy of a body, ½ m v² + ½ ω·Iω − m g·x.
     fn energy_j(&self, body: &Body, state: &State) -> f64 {
         let (mass, v) = (body.mass_kg(), state.velocity.linear.map(f64::from));
         let turn = Rotation::from_array(state.pose.rotation);
@@ -100,7 +100,7 @@ impl<'a> Looker<'a> {
             - mass * sum(&|i| f64::from(self.bodies.gravity[i]) * state.pose.translation[i])
     }
 
-    /// Overlaps of all pairs that have one, fixed bodies among them, in metres.
+    /// Returns the overlaps of all pairs that have one, pairs with fixed bodies included, in metres.
     fn depths_m(&self, movers: &[(Solid, WorldPose)]) -> Vec<f64> {
         let mut depths: Vec<_> =
             near_pairs(movers).filter_map(|(a, b)| depth_m(&movers[a], &movers[b])).collect();
@@ -111,7 +111,8 @@ impl<'a> Looker<'a> {
     }
 }
 
-/// Pairs whose spheres may meet, by a grid whose cells are as wide as the largest of them. Each pair once.
+/// Returns the pairs whose spheres may meet, each pair once, by a grid whose cells are as wide as the largest
+/// sphere.
 fn near_pairs(solids: &[(Solid, WorldPose)]) -> impl Iterator<Item = (usize, usize)> + '_ {
     type Cell = [i64; 3];
     let reach_m = solids.iter().map(|(solid, _)| solid.reach_m()).fold(0.0, f64::max);
@@ -122,7 +123,7 @@ fn near_pairs(solids: &[(Solid, WorldPose)]) -> impl Iterator<Item = (usize, usi
     (0..cells.len()).flat_map(move |at| {
         let ([x, y, z], a) = cells[at];
         let mut near = Vec::new();
-        // Rows of cells along z lie beside one another in the order of cells.
+        // In the order of cells, the cells of a row along z lie beside one another.
         for (dx, dy) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0), (0, 1), (1, -1), (1, 0), (1, 1)] {
             let from = cells.partition_point(|(cell, _)| *cell < [x + dx, y + dy, z - 1]);
             let row = cells[from..].iter().take_while(|(cell, _)| *cell <= [x + dx, y + dy, z + 1]);
@@ -132,11 +133,12 @@ fn near_pairs(solids: &[(Solid, WorldPose)]) -> impl Iterator<Item = (usize, usi
     })
 }
 
-/// By how much two solids overlap along the axis along which they overlap least; none if they do not.
+/// Returns by how much two solids overlap, along the axis along which they overlap least; `None` if they do
+/// not.
 fn depth_m((a, at_a): &(Solid, WorldPose), (b, at_b): &(Solid, WorldPose)) -> Option<f64> {
     let apart: [f64; 3] = std::array::from_fn(|i| at_b.translation[i] - at_a.translation[i]);
     let turn = |pose: &WorldPose| Rotation::from_array(pose.rotation).normalize();
-    // Places in f64, seen from the first solid: f32 keeps micrometres only near its zero.
+    // Places are f64, seen from the first solid: f32 keeps micrometres only near its zero.
     let back = turn(at_a).inverse();
     let b_from_a = Pose::from_parts(back * Vector::from(apart.map(|v| v as f32)), back * turn(at_b));
     let gap_m = match (*a, *b) {
@@ -179,7 +181,7 @@ mod tests {
         for (b, at, expected) in [
             (UNIT, WorldPose::at([far + 0.99, 0.2, 0.1]), Some(0.01)),
             (UNIT, WorldPose::at([far + 1.01, 0.0, 0.0]), None),
-            // An edge of one, turned by 45°, in a face of the other.
+            // An edge of one box, turned by 45°, in a face of the other.
             (
                 UNIT,
                 turned([far + 1.2, 0.0, 0.0], Rotation::from_rotation_z(FRAC_PI_4)),

@@ -1,5 +1,5 @@
-//! Compares the same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time of a step beside what the step is worth, measured
-//! alike for all from the poses read back.
+//! Compares the same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: the time of a step
+//! beside what the step is worth, which is measured alike for all from the poses read back.
 
 mod bodies;
 mod box3d;
@@ -54,35 +54,35 @@ pub(crate) struct Row {
     bodies: usize,
     engine: String,
     threads: usize,
-    /// 0 where there are none.
+    /// The number of regions; 0 where there are none.
     regions: usize,
     ticks: usize,
-    /// Milliseconds a step, median of the fastest run.
+    /// Milliseconds per step, median of the fastest run.
     ms_p50: f64,
-    /// Of the time that bare Rapier takes, by medians: below 1 is faster.
+    /// The median step over that of bare Rapier: below 1 is faster.
     over_bare: f64,
-    /// Of the pairs that overlap, metres, mean of the last second.
+    /// The mean depth of the pairs that overlap, metres, mean of the last second.
     mean_depth_m: f64,
-    /// Of the deepest pair in the last second.
+    /// The depth of the deepest pair in the last second, metres.
     deepest_m: f64,
-    /// Kinetic and potential, mean of the last second.
+    /// Kinetic and potential energy, joules, mean of the last second.
     energy_j: f64,
-    /// Before the first step.
+    /// The energy before the first step, joules.
     start_energy_j: f64,
-    /// Of all bodies that move, mean of the last second.
+    /// The mean height of all bodies that move, metres, mean of the last second.
     mean_height_m: f64,
-    /// Before the first step.
+    /// The mean height before the first step, metres.
     start_height_m: f64,
-    /// Bodies that are not finite or outside of everything fixed, at the end.
+    /// Bodies that are not finite or outside of everything fixed, at most in the last second.
     lost: usize,
 }
 
-/// What a run is worth.
+/// The figures of a run, which tell what it is worth.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
     regions: usize,
     start: Look,
-    /// Of the last second: the means, the deepest and the most.
+    /// The last second: the means, the deepest pair and the most bodies lost.
     last: Look,
 }
 
@@ -159,7 +159,8 @@ impl Peers {
             .collect())
     }
 
-    /// All engines in turn, several times over: milliseconds a step of the fastest run of each.
+    /// Times all engines in turn, several times over. Returns the milliseconds per step of the fastest run of
+    /// each.
     fn time(
         &self,
         name: &str,

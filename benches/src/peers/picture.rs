@@ -6,7 +6,7 @@ use crate::results::{Measured, short};
 
 use super::Row;
 
-/// One panel a scene: fast to the left, shallow at the bottom.
+/// Draws one panel per scene: fast to the left, shallow at the bottom.
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
     LinePanels {
@@ -18,7 +18,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     }
 }
 
-/// In the order of the file.
+/// Returns the scenes in the order of the file.
 fn scenes(rows: &[Measured<Row>]) -> Vec<&str> {
     let mut scenes: Vec<_> = rows.iter().map(|row| &*row.row.scene).collect();
     scenes.dedup();
@@ -52,7 +52,7 @@ fn style(engine: &str) -> (plotters::style::RGBColor, Mark) {
     }
 }
 
-/// A row an engine; bold the number of bodies that were lost.
+/// Returns the table, with a row per engine; the number of lost bodies is bold.
 pub(super) fn table(rows: &[Measured<Row>]) -> String {
     let head = [
         "scene",

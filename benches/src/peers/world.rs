@@ -1,4 +1,4 @@
-//! Defines the one interface of all engines: a world is stepped, and where its bodies are is read back.
+//! Defines the one interface of all engines: a world is stepped, and the places of its bodies are read back.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -7,19 +7,19 @@ use super::bodies::State;
 
 /// A scene in one engine.
 pub(super) trait World {
-    /// Steps so many times and gives the wall time of each.
+    /// Steps so many times, and returns the wall time of each step.
     fn steps(&mut self, ticks: usize) -> Result<Vec<Duration>, Box<dyn Error>>;
 
-    /// All bodies that move, in the order of the scene.
+    /// Returns all bodies that move, in the order of the scene.
     fn states(&self) -> Vec<State>;
 
-    /// Regions that step it; 0 where there are none.
+    /// Returns the number of regions that step it; 0 where there are none.
     fn regions(&self) -> usize {
         0
     }
 }
 
-/// Wall times of calls in a row.
+/// Returns the wall times of calls in a row.
 pub(super) fn timed<E>(ticks: usize, mut step: impl FnMut() -> Result<(), E>) -> Result<Vec<Duration>, E> {
     let once = |_| {
         let start = Instant::now();

@@ -1,5 +1,5 @@
-//! Measures how well a client predicts its own avatars, over good and bad networks, and what that costs it: a player's course for each kind
-//! of avatar, the last one beside 20,000 bodies too.
+//! Measures how well a client predicts its own avatars, over good and bad networks, and what that costs it. A
+//! player's course is run for each kind of avatar, and that of the pusher beside 20,000 bodies too.
 
 use std::error::Error;
 
@@ -16,7 +16,7 @@ use crate::results::{Measured, short};
 
 const SHOWN: Shown<Row> = Shown { name: "prediction", table, picture: None };
 
-/// Says how long each run takes, and where its results go.
+/// The settings of a run: how long it takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Predictions {
     #[command(flatten)]
@@ -33,14 +33,14 @@ struct Row {
     network: String,
     bodies: usize,
     predicted_bodies: usize,
-    /// The time by which own avatars are shown ahead of what is told.
+    /// How far own avatars are shown ahead of what is shown of others, milliseconds.
     ahead_ms: f64,
     ticks: u64,
     replays: u64,
-    /// Replays that moved what is shown by more than 2 cm, of 100 ticks.
+    /// Replays that moved what is shown by more than 2 cm, per 100 ticks.
     corrected_percent: f64,
     largest_correction_mm: f64,
-    /// By how much more than its speed says a body moves from one frame to the next.
+    /// By how much more than its speed says a body moves from one frame to the next, of bodies that move.
     jump_p99_mm: f64,
     jump_max_mm: f64,
     frame_p50_us: f64,

@@ -15,7 +15,8 @@ use crate::output::{Output, Sheet, Shown};
 use crate::page;
 use crate::results::{Measured, short};
 
-/// Steps of which the first ones are left out: the snapshot that begins a recording is written before the first.
+/// The first steps of a run, which are left out: the snapshot that begins a recording is written before the
+/// first.
 const WARM_UP: usize = 10;
 const SHOWN: Shown<Row> = Shown { name: "recording", table, picture: None };
 
@@ -24,12 +25,12 @@ const SHOWN: Shown<Row> = Shown { name: "recording", table, picture: None };
 pub(crate) struct Recording {
     #[command(flatten)]
     output: Output,
-    /// Runs of each; every step counts as in the run in which it took least.
+    /// Runs of each; of every step, the run counts in which it took least.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
 }
 
-/// One scene.
+/// The figures of one scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     scene: String,
@@ -38,16 +39,16 @@ struct Row {
     regions: usize,
     step_ms: f64,
     recorded_ms: f64,
-    /// Of a step.
+    /// The time that recording adds, percent of a step.
     added_percent: f64,
-    /// Of a sixtieth of a second.
+    /// The time that recording adds, percent of a sixtieth of a second.
     of_tick_percent: f64,
-    /// Beside snapshots and what the program does, at 60 steps per second.
+    /// Kilobytes recorded per second, at 60 steps per second, without snapshots and what the program does.
     kb_per_s: f64,
     snapshot_kb: f64,
 }
 
-/// Counts what is written.
+/// A writer that counts what is written.
 #[derive(Clone, Default)]
 struct Counter(Arc<AtomicU64>);
 

@@ -1,4 +1,4 @@
-//! Lists the scenes: what is run, for how long, and what is held against one world.
+//! Lists the scenes: what is run, for how long, and what is compared with one world.
 
 use std::error::Error;
 use std::ops::Range;
@@ -12,26 +12,27 @@ use crate::accuracy;
 
 /// A scene of the library in two sizes.
 pub(super) struct Case {
-    /// Names it in the rows.
+    /// The name in the rows.
     pub(super) name: &'static str,
     library: &'static str,
     full: Size,
-    /// For `--quick`, and to count instructions.
+    /// The size for `--quick`, and to count instructions.
     small: Size,
-    /// Lists the figures on which one world's own runs agree, however chaotic the scene is.
+    /// The figures on which one world's own runs agree, however chaotic the scene is.
     pub(super) statistics: &'static [Statistic],
 }
 
-/// Says how large a scene is and how long it runs.
+/// The size of a scene, and how long it runs.
 pub(super) struct Size {
     params: &'static [&'static str],
-    /// Simulated.
+    /// The simulated seconds.
     pub(super) seconds: f64,
-    /// The part of them that is timed, short enough for six runs of all settings in six minutes on two cores.
+    /// The part of these seconds that is timed, short enough for six runs of all settings in six minutes on
+    /// two cores.
     pub(super) timed: Range<f64>,
 }
 
-/// Scenes of `--quick`.
+/// The scenes of `--quick`.
 pub(super) const QUICK: [&str; 3] = ["rubble", "gas", "domino_ring"];
 
 pub(super) const CASES: &[Case] = &[
@@ -77,7 +78,7 @@ pub(super) const CASES: &[Case] = &[
         small: Size { params: &["n=300", "cubes=0.5", "fill=0.1", "speed=5"], seconds: 2.0, timed: 0.0..2.0 },
         statistics: &[Energy, Momentum, MeanDepth],
     },
-    // Into a bin of 25 m, which the boxes fill as high.
+    // Boxes are poured into a bin of 25 m, which they fill to the same height.
     Case {
         name: "pour",
         library: "heap",
@@ -144,29 +145,30 @@ pub(super) const CASES: &[Case] = &[
     },
 ];
 
-/// All names, for errors.
+/// Returns all names, for errors.
 pub(super) fn names() -> String {
     CASES.iter().map(|case| case.name).collect::<Vec<_>>().join(", ")
 }
 
 impl Case {
-    /// By its name.
+    /// Returns the case of this name.
     pub(super) fn named(name: &str) -> Result<&'static Self, String> {
         let found = CASES.iter().find(|case| case.name == name);
         found.ok_or_else(|| format!("no scene `{name}` at scale; there are {}", names()))
     }
 
-    /// Full or small.
+    /// Returns the full or the small size.
     pub(super) fn size(&self, small: bool) -> &Size {
         if small { &self.small } else { &self.full }
     }
 
-    /// The scene, as the library makes it.
+    /// Makes the scene, as the library does.
     pub(super) fn scene(&self, small: bool) -> Result<Scene, Box<dyn Error>> {
         Ok(Scene::named(self.library, &Params::from_args(self.size(small).params)?)?)
     }
 
-    /// The scene as one bare world has it where the timed part begins, so that all settings are timed from the same state.
+    /// Makes the scene as one bare world has it where the timed part begins, so that all settings are timed
+    /// from the same state.
     pub(super) fn timed_scene(&self, small: bool) -> Result<Scene, Box<dyn Error>> {
         let (mut scene, start_s) = (self.scene(small)?, self.size(small).timed.start);
         if start_s == 0.0 {
@@ -186,15 +188,16 @@ impl Case {
         Ok(scene)
     }
 
-    /// Steps of the timed part.
+    /// Returns the number of steps of the timed part.
     pub(super) fn timed_ticks(&self, small: bool, dt_s: f32) -> usize {
         let Range { start, end } = self.size(small).timed;
         Plan::ticks_of(end - start, dt_s) as usize
     }
 
-    /// For the machinery of `accuracy`, which runs it and looks at it. Planes are the setting's, not the case's.
+    /// Makes a case for the machinery of `accuracy`, which runs it and looks at it. Planes are the setting's,
+    /// not the case's.
     pub(super) fn for_accuracy(&self, scene: Scene, seconds: f64) -> accuracy::Case {
-        /// Enough for a mean over the last second.
+        /// The simulated seconds between looks: enough for a mean over the last second.
         const LOOK_S: f64 = 0.25;
         let weighs = self.statistics.contains(&GroundForce);
         let no_planes = |_| Vec::new();

@@ -1,6 +1,6 @@
-//! Measures how much faster a world is on more cores: in one region, which Rapier's `parallel` shares out among all threads, and cut into
-//! several, each of which has a part of the threads. The error of a cut does not depend on threads: it is that of the same cut in
-//! [`Scale`](super::Scale).
+//! Measures how much faster a world is on more cores: in one region, which Rapier's `parallel` shares out
+//! among all threads, and cut into several, each of which has a part of the threads. The error of a cut does
+//! not depend on threads: it is that of the same cut in [`Scale`](super::Scale).
 
 use std::error::Error;
 use std::thread::available_parallelism;
@@ -23,25 +23,26 @@ use crate::results::{self, Measured, short};
 use crate::timing::WARM_UP;
 
 const SHOWN: Shown<Row> = Shown { name: "cores", table, picture: Some(picture) };
-/// Names the scenes of `scale` in which bodies lie at every border, and that take long enough for sixteen cores.
+/// The scenes of `scale` in which bodies lie at every border, and that take long enough for sixteen cores.
 const SCENES: [&str; 5] = ["rubble", "dve", "gas", "pour", "wall"];
-/// Where more threads are asked for than there are cores, times say nothing.
+/// The numbers of threads. Where more threads are asked for than there are cores, times say nothing.
 const THREADS: [u16; 4] = [2, 4, 8, 16];
 const REGIONS: [usize; 4] = [2, 4, 8, 16];
 
-/// Which scenes are run, on how many threads. With `--quick` one small scene on two.
+/// Which scenes are run, and on how many threads. With `--quick` one small scene on two.
 #[derive(Args)]
 pub(crate) struct Cores {
     /// Only this scene; rows of others stay in the file. May be given several times.
     #[arg(long, value_name = "NAME")]
     scene: Vec<String>,
-    /// Numbers of threads, in place of all rows of the scene [default: of 2, 4, 8 and 16 those for which there are cores].
+    /// Numbers of threads, whose rows replace all rows of the scene [default: of 2, 4, 8 and 16 those for
+    /// which there are cores].
     #[arg(long, value_delimiter = ',', value_parser = clap::value_parser!(u16).range(2..=1024))]
     threads: Vec<u16>,
     /// Steps of each run that are timed, after the warm-up.
     #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
     ticks: u16,
-    /// Times each setting so often; the fastest counts.
+    /// Times each setting this often; the fastest counts.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     #[command(flatten)]
@@ -56,18 +57,19 @@ pub(crate) struct Cores {
 struct Row {
     scene: String,
     bodies: usize,
-    /// `bare`, Rapier's `parallel`, what dcd chooses by `default`, or `auto` with regions that were asked for.
+    /// `bare`, Rapier's `parallel`, what dcd chooses by `default`, or `auto` with regions that were asked
+    /// for.
     setting: String,
-    /// 0: one bare Rapier world.
+    /// The number of regions; 0: one bare Rapier world.
     regions: usize,
     threads: usize,
-    /// Milliseconds a step, median of the fastest run.
+    /// Milliseconds per step, median of the fastest run.
     ms_p50: f64,
-    /// Of the time that one bare world takes on one thread: below 1 is faster.
+    /// The median step over that of one bare world on one thread: below 1 is faster.
     over_bare: f64,
-    /// The same of processor time of all threads.
+    /// The same for the processor time of all threads.
     cpu_over_bare: f64,
-    /// Error over its gate, of the same cut as `scale` has it: 1 just passes.
+    /// The error over its gate, of the same cut in `scale`: 1 just passes.
     of_gate: Option<f64>,
 }
 
@@ -168,7 +170,8 @@ impl Row {
     }
 }
 
-/// A line for each scene and number of threads; columns are settings. Bold, the error over its gate where it does not pass.
+/// Returns the table: a line for each scene and number of threads, and a column for each setting. The error
+/// over its gate stands there in bold where it does not pass.
 fn table(rows: &[Measured<Row>]) -> String {
     let of = |scene: &str, threads: usize, label: &str| {
         let rows = rows.iter().map(|row| &row.row);
@@ -195,7 +198,8 @@ fn table(rows: &[Measured<Row>]) -> String {
     page::table(&head, lines)
 }
 
-/// A panel for each scene: how many times faster than one bare world on one thread, by threads.
+/// Draws a panel for each scene: how many times faster a setting is than one bare world on one thread, by
+/// threads.
 fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
     let mut scenes: Vec<_> = rows.iter().map(|row| (&*row.row.scene, row.row.bodies)).collect();
@@ -213,7 +217,7 @@ fn picture(rows: &[Measured<Row>]) -> LinePanels {
             let of_line = rows.iter().map(|row| &row.row);
             let of_line = of_line.filter(|row| row.scene == scene && row.label() == label);
             let points = of_line.map(|row| (row.threads as f64, 1.0 / row.over_bare, String::new()));
-            // What is cut is not run on fewer threads than it has regions.
+            // A cut world is not run on fewer threads than it has regions.
             let start = (!label.starts_with("auto")).then_some((1.0, 1.0, String::new()));
             let points = start.into_iter().chain(points).collect();
             Line { name: name.to_owned(), colour, thick: label == "default", mark, points }

@@ -1,5 +1,5 @@
-//! Measures the error of a setting: how far its statistics are from those of one bare world, in parts of what that world's own
-//! runs differ by when their bodies start a micrometre aside.
+//! Measures the error of a setting: how far its statistics are from those of one bare world, in parts of what
+//! that world's own runs differ by when their bodies start a micrometre aside.
 
 use std::error::Error;
 
@@ -14,10 +14,10 @@ use super::setting::Setting;
 use super::statistic::{Statistic, Subject};
 use crate::accuracy::{Bare, Figure, Setup, Trace, finite, trace};
 
-/// One world's own runs may differ by so much more.
+/// The factor by which the spread of one world's own runs may be exceeded.
 const SLACK: f64 = 1.1;
 
-/// Holds what one bare world makes of a scene, by several seeds.
+/// The statistics of one bare world on a scene, over several seeds.
 pub(super) struct Reference<'a> {
     case: &'a Case,
     seconds: f64,
@@ -25,22 +25,22 @@ pub(super) struct Reference<'a> {
     spreads: Vec<Spread>,
 }
 
-/// Of one statistic of one world's own runs.
+/// The spread of one statistic over one world's own runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spread {
     mean: f64,
-    /// From the least to the most.
+    /// The distance from the least to the most.
     range: f64,
 }
 
-/// The statistic of a setting that is worst by its gate.
+/// The statistic of a setting that is worst in relation to its gate.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Reading {
     pub(super) error: f64,
     pub(super) r1_spread: f64,
     pub(super) unit: &'static str,
     pub(super) gate: f64,
-    /// At the end.
+    /// The number of regions at the end.
     pub(super) regions: usize,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Reference<'a> {
         Ok(Self { case, seconds, subject, spreads })
     }
 
-    /// Runs a setting once, unmoved, and holds it against the bare world.
+    /// Runs a setting once, with no body moved, and compares it with the bare world.
     pub(super) fn read(&self, setting: Setting, threads: usize) -> Result<Reading, Box<dyn Error>> {
         let case = self.case.for_accuracy(self.subject.scene.clone(), self.seconds);
         let scene = &case.scenes[0];
@@ -102,7 +102,7 @@ fn figures<'a>(
 }
 
 impl Reading {
-    /// The error in gates: 1 just passes.
+    /// Returns the error in gates: 1 just passes.
     pub(super) fn of_gate(&self) -> f64 {
         self.error / self.gate
     }
@@ -129,8 +129,8 @@ impl Spread {
     }
 }
 
-/// The same scene with every dynamic body up to a micrometre aside along each axis, and each seed otherwise: of bodies far
-/// from the origin some only, as f32 sees no micrometre beyond 16 m.
+/// Returns the same scene with every dynamic body up to a micrometre aside along each axis, differently for
+/// each seed. Of bodies far from the origin only some move, as f32 resolves no micrometre beyond 16 m.
 fn nudged(scene: &Scene, seed: u64) -> Scene {
     const NUDGE_M: f64 = 1e-6;
     let mut scene = scene.clone();

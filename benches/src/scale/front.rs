@@ -1,8 +1,8 @@
-//! Finds the settings on the Pareto front of a scene: those than which no other is better, of time and error.
+//! Finds the settings on the Pareto front of a scene: those that no other setting beats in time and error.
 
 use super::row::Row;
 
-/// Times differ by this much from run to run on a quiet machine.
+/// The factor by which times differ from run to run on a quiet machine.
 const NOISE: f64 = 1.1;
 
 /// A setting of which both time and error are measured.
@@ -18,12 +18,13 @@ impl<'a> Point<'a> {
         Some(Self { row, over_bare: row.over_bare?, of_gate: row.of_gate()? })
     }
 
-    /// What passes is equally right: the gate is what one world's own runs differ by.
+    /// Returns the error in gates, but 1 for what passes: all that passes is equally right, since the gate is
+    /// what one world's own runs differ by.
     fn wrong_by(&self) -> f64 {
         self.of_gate.max(1.0)
     }
 
-    /// Better in one of the two beyond noise, and not worse in the other.
+    /// Returns whether it is better in time or error beyond noise, and not worse in the other.
     fn beats(&self, other: &Self) -> bool {
         let faster = NOISE * self.over_bare < other.over_bare;
         let righter = NOISE * self.wrong_by() < other.wrong_by();
@@ -31,7 +32,7 @@ impl<'a> Point<'a> {
     }
 }
 
-/// Those that nothing beats, the fastest first.
+/// Returns the points that none beats, the fastest first.
 pub(super) fn front<'a>(points: &[Point<'a>]) -> Vec<Point<'a>> {
     let is_beaten = |point: &&Point<'a>| points.iter().any(|other| other.beats(point));
     let mut front: Vec<_> = points.iter().filter(|point| !is_beaten(point)).copied().collect();
@@ -39,7 +40,7 @@ pub(super) fn front<'a>(points: &[Point<'a>]) -> Vec<Point<'a>> {
     front
 }
 
-/// The fastest of those that beat this one, if any does.
+/// Returns the fastest of the points that beat this one, if any does.
 pub(super) fn better<'a>(point: &Point<'_>, points: &[Point<'a>]) -> Option<Point<'a>> {
     let better = points.iter().filter(|other| other.beats(point));
     better.min_by(|a, b| a.over_bare.total_cmp(&b.over_bare)).copied()

@@ -1,4 +1,5 @@
-//! Measures cost without noise: instructions per step on one thread, counted by callgrind of valgrind. The program runs itself as a child.
+//! Measures cost without noise: instructions per step on one thread, counted by callgrind of valgrind. The
+//! program runs itself as a child.
 
 use std::error::Error;
 use std::process::{Command, Stdio};
@@ -9,16 +10,17 @@ use dcd::runtime::measure::{Plan, Subject};
 use super::case::{CASES, Case};
 use super::setting::Setting;
 
-/// Steps of which the first one is set apart: what it takes to make a world is no step.
+/// The number of steps. The count of the first one is subtracted: what it takes to make a world is no step.
 const TICKS: u64 = 60;
 
-/// What two regions by the default coupling may execute at most, over one bare world: a twentieth above what was counted in a dev
-/// build with CARGO_INCREMENTAL=0 (an incremental one, in more units, executes up to a tenth more), in which our own code is optimised less than
-/// Rapier's, which is compiled in one unit. Small scenes have a third of their bodies at the border.
+/// What two regions with the default coupling may execute at most, over one bare world: a twentieth above
+/// what was counted in a dev build with CARGO_INCREMENTAL=0. (An incremental build has more units, and
+/// executes up to a tenth more.) In a dev build our own code is optimised less than Rapier's, which is
+/// compiled in one unit. Small scenes have a third of their bodies at the border.
 const HELD: [(&str, f64); 6] =
     [("rubble", 2.56), ("dve", 2.79), ("gas", 3.43), ("pour", 3.67), ("pyramid", 1.47), ("wall", 2.36)];
 
-/// Returns the scenes that are counted: those asked for, or all that are held.
+/// Returns the scenes that are counted: those asked for, or all in `HELD`.
 pub(super) fn counted(asked: &[String]) -> Result<Vec<&'static Case>, String> {
     let is_held = |case: &&Case| HELD.iter().any(|(name, _)| *name == case.name);
     match asked {
@@ -27,12 +29,12 @@ pub(super) fn counted(asked: &[String]) -> Result<Vec<&'static Case>, String> {
     }
 }
 
-/// Counts what two regions by the default coupling execute over one bare world.
+/// Counts what two regions with the default coupling execute, over one bare world.
 pub(super) fn over_bare(case: &Case) -> Result<f64, Box<dyn Error>> {
     Ok(count(case, Setting::Auto(2))? as f64 / count(case, Setting::Bare)? as f64)
 }
 
-/// Why this ratio of a scene is too much, if it is.
+/// Returns why this ratio of a scene is too much, if it is.
 pub(super) fn above(scene: &str, over_bare: f64) -> Option<String> {
     let (_, held) = HELD.into_iter().find(|(name, _)| *name == scene)?;
     let text =
@@ -40,7 +42,7 @@ pub(super) fn above(scene: &str, over_bare: f64) -> Option<String> {
     (over_bare > held).then(text)
 }
 
-/// Steps a scene and nothing else: started by `scale` under valgrind, and by whoever runs a profiler.
+/// Steps a scene and nothing else: started by `scale` under valgrind, or by hand for a profiler.
 #[derive(Args)]
 pub(crate) struct ScaleWorker {
     #[arg(long)]
@@ -51,7 +53,7 @@ pub(crate) struct ScaleWorker {
     regions: usize,
     #[arg(long)]
     ticks: u64,
-    /// In its full size, for a profiler.
+    /// Runs the scene in its full size, for a profiler.
     #[arg(long)]
     full: bool,
 }
@@ -72,14 +74,14 @@ impl ScaleWorker {
     }
 }
 
-/// Whether valgrind is there.
+/// Returns whether valgrind is there.
 pub(super) fn can_count() -> bool {
     let version =
         Command::new("valgrind").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     version.is_ok_and(|status| status.success())
 }
 
-/// Of all steps but the first.
+/// Counts the instructions of all steps but the first.
 fn count(case: &Case, setting: Setting) -> Result<u64, Box<dyn Error>> {
     let of = |ticks: u64| -> Result<u64, Box<dyn Error>> {
         let regions = setting.asked_regions().ok_or("instructions are counted where regions are given")?;
@@ -99,7 +101,7 @@ fn count(case: &Case, setting: Setting) -> Result<u64, Box<dyn Error>> {
     Ok(of(TICKS)?.saturating_sub(of(1)?))
 }
 
-/// From valgrind's last words.
+/// Reads the count from valgrind's last words.
 fn collected(said: &str) -> Option<u64> {
     let line = said.lines().rev().find_map(|line| line.split_once("Collected :"))?;
     line.1.trim().parse().ok()

@@ -1,6 +1,7 @@
-//! Measures time and error of the same settings: large scenes, most with bodies at every border, by what dcd chooses itself, by forced
-//! numbers of regions, by fixed methods and by Rapier's own `parallel`, against one bare Rapier world. A gain that costs an error shows
-//! the error beside it.
+//! Measures time and error of the same settings on large scenes, most with bodies at every border. The
+//! settings are what dcd itself chooses, forced numbers of regions, fixed methods, and Rapier's own
+//! `parallel`; all are compared with one bare Rapier world. A gain that costs an error shows the error beside
+//! it.
 
 mod case;
 mod cores;
@@ -51,7 +52,7 @@ pub(crate) struct Scale {
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// Regions stepped at a time, at most, and threads of Rapier's `parallel`.
+    /// Most regions stepped at the same time, and threads of Rapier's `parallel`.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: u16,
     /// Runs of one bare world that tell how far chance alone takes a figure [default: 8, with `--quick` 3].
@@ -60,8 +61,9 @@ pub(crate) struct Scale {
     /// How often each setting is timed; the fastest counts [default: 6, with `--quick` 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: Option<u16>,
-    /// Counts, before the errors, instructions of two regions over one bare world, of the small sizes of all scenes of which they are
-    /// held, or of those asked for, on one thread; needs valgrind. Fails where they are more than they were.
+    /// Counts, before the errors, the instructions of two regions over one bare world, on one thread; needs
+    /// valgrind. Takes the small sizes of the scenes asked for, or of all that have a limit; fails above the
+    /// limit.
     #[arg(long, conflicts_with = "times")]
     instructions: bool,
 }
@@ -152,9 +154,10 @@ impl Scale {
         self.repeats.unwrap_or(if self.output.quick { 1 } else { 6 })
     }
 
-    /// By the times that the file has of the scene; as all scenes are made to take at most, where it has none.
+    /// Returns the minutes that a scene is expected to take, by its times in the file. Where it has none, it
+    /// is the most that all scenes are made to take.
     fn expected_min(&self, case: &Case, rows: &[Measured<Row>]) -> f64 {
-        /// Looks take time, and what broke costs more.
+        /// The time for errors over that for times: looks take time, and what broke costs more.
         const ERRORS_OVER_TIMES: f64 = 1.5;
         const MOST_MIN: f64 = 6.0;
         let of_case = rows.iter().map(|row| &row.row).filter(|row| row.scene == case.name);
@@ -169,7 +172,7 @@ impl Scale {
         if_wanted(self.wants_times(), times_min) + if_wanted(self.wants_errors(), errors_min)
     }
 
-    /// The rows of a scene, of which what is not measured now stays as the sheet has it.
+    /// Measures the rows of a scene. What is not measured now stays as the sheet has it.
     fn measure(&self, case: &Case, sheet: &Sheet<Row>) -> Result<Vec<Measured<Row>>, Box<dyn Error>> {
         let (scene, settings, threads) =
             (case.scene(self.output.quick)?, self.settings(), usize::from(self.threads));
@@ -216,7 +219,7 @@ impl Scale {
     }
 }
 
-/// What is being done, on standard error.
+/// What is being done with a scene, printed on standard error.
 struct Progress {
     scene: &'static str,
     start: Instant,

@@ -9,7 +9,7 @@ use crate::machine::Machine;
 use crate::page;
 use crate::results::{Measured, short};
 
-/// One panel a scene: fast to the left, small errors at the bottom.
+/// Draws one panel per scene: fast to the left, small errors at the bottom.
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
     LinePanels {
@@ -23,7 +23,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     }
 }
 
-/// In the order of the file.
+/// Returns the scenes in the order of the file.
 fn scenes(rows: &[Measured<Row>]) -> Vec<(&str, usize)> {
     let mut scenes: Vec<_> = rows.iter().map(|row| (&*row.row.scene, row.row.bodies)).collect();
     scenes.dedup();
@@ -41,7 +41,7 @@ fn points<'a>(rows: &[&'a Row]) -> Vec<Point<'a>> {
 fn panel(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     let points = points(rows);
     let place = |point: &Point<'_>, label: String| (point.over_bare, drawn(point.of_gate), label);
-    // Below all others.
+    // Drawn below all others.
     let front = front::front(&points);
     let mut lines = vec![Line {
         name: "on the front".to_owned(),
@@ -52,7 +52,7 @@ fn panel(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     }];
     let mut names: Vec<&str> = points.iter().map(|point| &*point.row.setting).collect();
     names.dedup();
-    // Auto last, over the others.
+    // Auto is drawn last, over the others.
     names.sort_by_key(|name| *name == "auto");
     lines.extend(names.into_iter().map(|name| {
         let label = |row: &Row| if name == "auto" { row.regions.to_string() } else { String::new() };
@@ -75,7 +75,7 @@ fn panel(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     }
 }
 
-/// What broke is drawn at the upper edge, what is lost in noise at the lower.
+/// Returns an error as it is drawn: what broke at the upper edge, what is lost in noise at the lower.
 fn drawn(of_gate: f64) -> f64 {
     of_gate.clamp(0.01, 1_000.0)
 }
@@ -101,8 +101,8 @@ fn style(name: &str) -> (plotters::style::RGBColor, Mark) {
     }
 }
 
-/// Scenes by settings: time over that of one bare world, and the error in gates where it does not pass. Below it, what lies on the
-/// front, and when errors were measured.
+/// Returns the matrix of scenes by settings: time over that of one bare world, and the error in gates where
+/// it does not pass. Below it stands what lies on the front, and when errors were measured.
 pub(super) fn table(rows: &[Measured<Row>]) -> String {
     let mut columns: Vec<String> = Vec::new();
     for label in rows.iter().map(|row| row.row.label()).filter(|label| label != "bare") {
@@ -138,7 +138,8 @@ fn cell(row: &Row) -> String {
     }
 }
 
-/// Whether what dcd chooses itself lies on the front, and what is better where it does not.
+/// Returns in how many scenes what dcd itself chooses lies on the front, and what is better where it does
+/// not.
 fn verdict(rows: &[Measured<Row>]) -> String {
     let (mut all, mut beaten) = (0, BTreeMap::new());
     for scene in scenes(rows) {
@@ -162,7 +163,7 @@ fn verdict(rows: &[Measured<Row>]) -> String {
     format!("`default` is on the front in {} of {all} scenes{stop}", all - beaten.len())
 }
 
-/// Errors have days and commits of their own.
+/// Returns the machines of the errors, which have days and commits of their own.
 fn error_machines(rows: &[Measured<Row>]) -> Vec<Machine> {
     let machine = |Measured { row, machine }: &Measured<Row>| {
         let (date, commit) = (row.error_date.clone()?, row.error_commit.clone()?);

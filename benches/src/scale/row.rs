@@ -1,4 +1,4 @@
-//! Holds a scene by one setting: what it takes and how far it is off. Either may have been measured without the other.
+//! Holds a scene by one setting: its time and its error. Either may have been measured without the other.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,20 +14,20 @@ pub(crate) struct Row {
     pub(super) scene: String,
     pub(super) bodies: usize,
     pub(super) setting: String,
-    /// 0: one bare Rapier world.
+    /// The number of regions; 0: one bare Rapier world.
     pub(super) regions: usize,
     pub(super) threads: usize,
-    /// Milliseconds a step, median of the fastest run.
+    /// Milliseconds per step, median of the fastest run.
     pub(super) ms_p50: Option<f64>,
-    /// Of the time that one bare world takes, by medians: below 1 is faster.
+    /// The median step over that of one bare world: below 1 is faster.
     pub(super) over_bare: Option<f64>,
-    /// The same of processor time of all threads, which others on the machine disturb less.
+    /// The same for the processor time of all threads, which others on the machine disturb less.
     pub(super) cpu_over_bare: Option<f64>,
-    /// Of two regions over one bare world.
+    /// The instructions of two regions over those of one bare world.
     pub(super) instructions_over_bare: Option<f64>,
-    /// Of the statistic that is worst by its gate, which `unit` names.
+    /// The error of the statistic that is worst in relation to its gate, which `unit` names.
     pub(super) error: Option<f64>,
-    /// From the least to the most of one bare world's own runs.
+    /// The distance from the least to the most of one bare world's own runs.
     pub(super) r1_spread: Option<f64>,
     pub(super) unit: Option<String>,
     /// The largest error that passes.
@@ -39,7 +39,7 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// Of which nothing is measured yet.
+    /// Makes a row of which nothing is measured yet.
     pub(super) fn new(case: &Case, bodies: usize, setting: Setting, threads: usize) -> Self {
         Self {
             scene: case.name.to_owned(),
@@ -61,13 +61,13 @@ impl Row {
         }
     }
 
-    /// Whether it is of this case in this size by this setting.
+    /// Returns whether the row is of this case in this size by this setting.
     pub(super) fn is_of(&self, case: &Case, bodies: usize, setting: Setting) -> bool {
         (&*self.scene, self.bodies, &*self.setting) == (case.name, bodies, setting.name())
             && setting.asked_regions().is_none_or(|regions| regions == self.regions)
     }
 
-    /// Takes in what it took, and what one bare world took.
+    /// Takes in the time of the setting, and that of one bare world.
     pub(super) fn set_time(&mut self, timed: Timed, bare: Timed) {
         self.regions = timed.regions;
         self.ms_p50 = Some(timed.p50_ms);
@@ -75,7 +75,7 @@ impl Row {
         self.cpu_over_bare = Some(timed.cpu_ms / bare.cpu_ms);
     }
 
-    /// Takes in how far it is off.
+    /// Takes in the error.
     pub(super) fn set_error(&mut self, reading: Reading, here: &Machine) {
         self.pass = Some(reading.of_gate() <= 1.0);
         let Reading { error, r1_spread, unit, gate, regions } = reading;
@@ -87,12 +87,12 @@ impl Row {
         (self.error_date, self.error_commit) = (Some(here.date.clone()), Some(here.commit.clone()));
     }
 
-    /// The error in gates: 1 just passes.
+    /// Returns the error in gates: 1 just passes.
     pub(super) fn of_gate(&self) -> Option<f64> {
         Some(self.error? / self.gate?)
     }
 
-    /// The setting with its number of regions, where that is part of it.
+    /// Returns the setting with its number of regions, where that is part of it.
     pub(super) fn label(&self) -> String {
         match &*self.setting {
             "bare" | "parallel" | "default" => self.setting.clone(),
@@ -106,7 +106,7 @@ pub(super) mod tests {
     use super::super::setting::SETTINGS;
     use super::*;
 
-    /// Of the scene `net` with two thousand bodies; the gate is 1.
+    /// Returns a row of the scene `net` with two thousand bodies; its gate is 1.
     pub(in super::super) fn row(setting: Setting, over_bare: f64, error: f64) -> Row {
         let mut row = Row::new(Case::named("net").unwrap(), 2_000, setting, 2);
         let timed = |p50_ms| Timed { p50_ms, cpu_ms: 2.0 * p50_ms, regions: row.regions };

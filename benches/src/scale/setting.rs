@@ -1,25 +1,26 @@
-//! Lists the settings by which a scene is computed: bare, by default, by numbers of regions, by fixed methods.
+//! Lists the settings by which a scene is computed: bare, by default, by numbers of regions, by fixed
+//! methods.
 
 use dcd::physics::Coupling;
 use dcd::runtime::{Partitioning, WorldConfig};
 use dcd::scene::Scene;
 
-/// One row of every scene.
+/// A setting, one row of every scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Setting {
-    /// One Rapier world, none of our code in its step.
+    /// One Rapier world, with none of our code in its step.
     Bare,
-    /// The same by Rapier's own `parallel`, on all threads.
+    /// The same, on Rapier's own `parallel` with all threads.
     Parallel,
-    /// The regions that dcd chooses itself for so many threads.
+    /// The regions that dcd itself chooses for so many threads.
     Default,
-    /// So many regions, by the coupling that is the default.
+    /// So many regions, with the default coupling.
     Auto(usize),
-    /// Two regions by another method, with one exchange per tick.
+    /// Two regions with another coupling and one exchange per tick.
     Fixed(Coupling),
 }
 
-/// The bare world first: all others are held against it.
+/// All settings, the bare world first: the others are compared with it.
 pub(super) const SETTINGS: [Setting; 10] = [
     Setting::Bare,
     Setting::Parallel,
@@ -34,7 +35,7 @@ pub(super) const SETTINGS: [Setting; 10] = [
 ];
 
 impl Setting {
-    /// Names it in the rows; the number of regions stands beside.
+    /// Returns the name in the rows, beside which the number of regions stands.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Bare => "bare",
@@ -45,14 +46,14 @@ impl Setting {
         }
     }
 
-    /// By its name and number of regions, as a worker is told it.
+    /// Returns the setting of a name and number of regions, as a worker is told them.
     pub(super) fn named(name: &str, regions: usize) -> Result<Self, String> {
         let is = |setting: &Self| setting.name() == name && setting.asked_regions() == Some(regions);
         let found = SETTINGS.into_iter().find(is);
         found.ok_or_else(|| format!("no setting `{name}` with {regions} regions"))
     }
 
-    /// How many regions are asked for; none where dcd chooses.
+    /// Returns the number of regions that are asked for; `None` where dcd chooses.
     pub(super) const fn asked_regions(self) -> Option<usize> {
         match self {
             Self::Bare | Self::Parallel => Some(0),
@@ -62,7 +63,7 @@ impl Setting {
         }
     }
 
-    /// Its name with the number of regions, where some are asked for.
+    /// Returns the name with the number of regions, where some are asked for.
     pub(super) fn label(self) -> String {
         match self.asked_regions() {
             None | Some(0) => self.name().to_owned(),
@@ -70,7 +71,7 @@ impl Setting {
         }
     }
 
-    /// Of so many that may be used.
+    /// Returns the number of threads that it uses, of those that it may use.
     pub(super) fn threads(self, most: usize) -> usize {
         match self {
             Self::Parallel => most,
@@ -78,7 +79,7 @@ impl Setting {
         }
     }
 
-    /// None for one Rapier world.
+    /// Returns the configuration; `None` for one Rapier world.
     pub(super) fn config(self, scene: &Scene, most_threads: usize) -> Option<WorldConfig> {
         let of = |partitioning| WorldConfig {
             partitioning,

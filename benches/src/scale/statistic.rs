@@ -1,29 +1,30 @@
-//! Reduces a run to statistics: figures on which the runs of one world agree, though places of single bodies do not.
+//! Reduces a run to statistics: figures on which the runs of one world agree, though places of single bodies
+//! do not.
 
 use dcd::scene::Scene;
 
 use crate::accuracy::{Better, Figure, Look, Trace, masses_kg, mean_gap_m};
 
-/// One figure of a run. All are means over its last second.
+/// One figure of a run. All are means over the run's last second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Statistic {
-    /// Energy left of that at the start.
+    /// The energy over that at the start.
     Energy,
-    /// |Σ m v| / Σ m |v|.
+    /// The net momentum, |Σ m v| / Σ m |v|.
     Momentum,
-    /// Of all bodies.
+    /// The mean height of all bodies.
     MeanHeight,
-    /// That a tenth of the bodies are above.
+    /// The height that a tenth of the bodies are above.
     HighestTenth,
-    /// To which the remaining motion could lift the bodies: mean v² / 2g.
+    /// The height to which the remaining motion could lift the bodies: mean v² / 2g.
     Motion,
-    /// Of all pairs that touch.
+    /// The mean depth of all pairs that touch.
     MeanDepth,
-    /// That one pair of a hundred exceeds.
+    /// The depth that one pair of a hundred exceeds.
     DepthOf99,
-    /// Of the deepest pair.
+    /// The depth of the deepest pair.
     Deepest,
-    /// On fixed bodies, over the weight.
+    /// The force on fixed bodies, over the weight.
     GroundForce,
     /// Mean distance of a body from its start.
     Displacement,
@@ -42,7 +43,7 @@ pub(super) enum Statistic {
 use Statistic::*;
 
 impl Statistic {
-    /// Unit and name.
+    /// Returns the unit and name.
     pub(super) const fn unit(self) -> &'static str {
         match self {
             Energy => "of the energy at the start",
@@ -63,7 +64,7 @@ impl Statistic {
         }
     }
 
-    /// On which side of one world's mean a run may be.
+    /// Returns the side of one world's mean on which a run is no worse.
     const fn better(self) -> Better {
         match self {
             Energy | GroundForce => Better::Towards(1.0),
@@ -72,10 +73,12 @@ impl Statistic {
         }
     }
 
-    /// An error that nobody needs less of, added to what one world's own runs differ by. Shares: one in a hundred; of what
-    /// happens or does not, two in a thousand. Lengths: 0.1 mm of means that rest on contacts and joints, as everywhere in the
-    /// suite; a millimetre of single contacts, of places and of heights that bodies could reach; a centimetre, a
-    /// hundredth of a body, of heights of what falls.
+    /// Returns an error that nobody needs less of, which is added to what one world's own runs differ by.
+    ///
+    /// - **Shares.** One in a hundred; for what happens or does not, two in a thousand.
+    /// - **Lengths.** 0.1 mm for means that rest on contacts and joints, as everywhere in the suite; a
+    ///   millimetre for single contacts, for places, and for heights that bodies could reach; a centimetre, a
+    ///   hundredth of a body, for heights of what falls.
     const fn floor(self) -> f64 {
         match self {
             Energy | Momentum | GroundForce | Displaced | Asleep => 0.01,
@@ -86,7 +89,7 @@ impl Statistic {
         }
     }
 
-    /// Of a run.
+    /// Returns the figure of a run.
     pub(super) fn figure(self, run: &Trace, subject: &Subject) -> Figure {
         let mean = |of: &dyn Fn(&Look) -> f64| mean(run.tail(1.0).map(of));
         let of_bodies = |of: &dyn Fn(&Look, usize) -> f64| {
@@ -124,7 +127,7 @@ impl Statistic {
 
 /// What is known of a scene before it runs.
 pub(super) struct Subject {
-    /// Bodies' starts and joints.
+    /// The starts and joints of the bodies.
     pub(super) scene: Scene,
     masses_kg: Vec<f64>,
 }
@@ -135,13 +138,13 @@ impl Subject {
     }
 }
 
-/// Of nothing, 0.
+/// Returns the mean; 0 of nothing.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0u32, 0.0), |(count, sum), value| (count + 1, sum + value));
     if count == 0 { 0.0 } else { sum / f64::from(count) }
 }
 
-/// The nearest rank of sorted values; of none, 0.
+/// Returns the value at a share of sorted values, by nearest rank; 0 of nothing.
 fn at_share(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
@@ -157,7 +160,7 @@ fn net_momentum(look: &Look, masses_kg: &[f64]) -> f64 {
     if all > 0.0 { length(net) / all } else { 0.0 }
 }
 
-/// Cosine between a body's own y axis and upright.
+/// Returns the cosine between a body's own y axis and upright.
 fn upright(look: &Look, body: usize) -> f64 {
     let [x, _, z, _] = look.bodies[body].map_or([f32::NAN; 4], |(pose, _)| pose.rotation);
     1.0 - 2.0 * (f64::from(x).powi(2) + f64::from(z).powi(2))
@@ -179,7 +182,7 @@ mod tests {
         Subject::new(Scene::named("tower", &Params::new().with("n", 2)).unwrap())
     }
 
-    /// A tower of two, the second of which is put somewhere else at the end.
+    /// Returns a run of a tower of two, the second of which is somewhere else at the end.
     fn run(pose: WorldPose, velocity: [f32; 3]) -> Trace {
         let at = |y: f64| Some((WorldPose::at([0.0, y, 0.0]), Velocity::default()));
         let moved = Some((pose, Velocity { linear: velocity, angular: [0.0; 3] }));

@@ -1,4 +1,4 @@
-//! Times the settings of a scene, in turn, several times over: the fastest run of each counts.
+//! Times the settings of a scene in turn, several times over; the fastest run of each counts.
 
 use std::error::Error;
 
@@ -11,14 +11,14 @@ use super::Progress;
 use super::setting::Setting;
 use crate::timing::{WARM_UP, cpu_ms, median_ms};
 
-/// What a setting took.
+/// The time that a setting took.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timed {
-    /// Milliseconds a step, median of the fastest run.
+    /// Milliseconds per step, median of the fastest run.
     pub(super) p50_ms: f64,
-    /// Processor time of all threads, milliseconds a step, of the run that took least.
+    /// Processor time of all threads, milliseconds per step, of the run that took least.
     pub(super) cpu_ms: f64,
-    /// At the end; 0: one Rapier world.
+    /// The number of regions at the end; 0: one Rapier world.
     pub(super) regions: usize,
 }
 
@@ -42,7 +42,7 @@ pub(super) fn time(
     Ok(best.into_iter().flatten().collect())
 }
 
-/// Runs a world once; one without regions on so many threads by Rapier's `parallel`.
+/// Runs a world once; a world without regions runs on so many threads by Rapier's `parallel`.
 pub(super) fn run(
     scene: &Scene,
     ticks: usize,

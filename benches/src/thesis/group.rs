@@ -1,4 +1,4 @@
-//! Runs a group of participants, each in a process of its own, and a server in this one.
+//! Runs a group of participants, each in a process of its own, and a server in this process.
 
 use std::error::Error;
 use std::process::{Child, Command, Stdio};
@@ -20,17 +20,17 @@ pub(super) struct Group {
     pub(super) members: Vec<Report>,
 }
 
-/// The length of a run: it ends when both are over.
+/// The length of a run, which ends when both are over.
 #[derive(Clone, Copy)]
 pub(super) struct Length {
     pub(super) ticks: u64,
     pub(super) time: Duration,
 }
 
-/// Runs as many participants in a world of so many cubes.
+/// Runs so many participants in a world of so many cubes.
 pub(super) fn run(nodes: usize, objects: usize, seed: u64, length: Length) -> Result<Group, Box<dyn Error>> {
     let scene = Scene::named("dve", &Params::new().with("n", objects).with("seed", seed))?;
-    // By counts: where processes share cores, times say what the others do.
+    // Balance by counts: where processes share cores, times say what the others do.
     let balance = Some(Balance { load: Load::Counts, ..Balance::by_nodes() });
     let world = WorldConfig { balance, ..WorldConfig::for_scene(&scene) };
     let data = tempfile::tempdir()?;

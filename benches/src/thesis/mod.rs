@@ -1,7 +1,9 @@
-//! Runs the experiments of the thesis's chapter 5 again: cubes that move freely, and participants that each compute a part of their
-//! world and steer one avatar in it; a server and up to 32 processes over QUIC. Times are of the processor, per tick, all threads and
-//! the exchange included: on a machine with fewer cores than processes, the slowest member's is what a tick would take on as many
-//! machines (the critical path), without the way of messages.
+//! Runs the experiments of the thesis's chapter 5 again: cubes that move freely, and participants that each
+//! compute a part of their world and steer one avatar in it; a server and up to 32 processes over QUIC.
+//!
+//! Times are processor times per tick, with all threads and the exchange. On a machine with fewer cores than
+//! processes, the slowest member's time is what a tick would take on as many machines (the critical path),
+//! without the way of messages.
 
 mod group;
 mod participant;
@@ -25,10 +27,10 @@ use self::published::WORLDS;
 use crate::output::{Output, Sheet, Shown};
 
 const SHOWN: Shown<Row> = Shown { name: "thesis", table: tables::markdown, picture: Some(picture::picture) };
-/// Nodes of tables 5.2 to 5.6, and of table 5.7.
+/// The numbers of nodes of tables 5.2 to 5.6, and (`LARGE_GROUPS`) of table 5.7.
 const GROUPS: [usize; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 const LARGE_GROUPS: [usize; 2] = [16, 32];
-/// Ticks over which collisions are counted.
+/// The ticks over which collisions are counted.
 const COUNTED: usize = 120;
 
 /// Which worlds are run, and how often.
@@ -39,13 +41,13 @@ pub(crate) struct Thesis {
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// Runs each group so often; the mean counts, as in the thesis.
+    /// Runs each group this often; the mean counts, as in the thesis.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
-    /// Only worlds of so many cubes; rows of others stay in the file. May be given several times.
+    /// Only worlds of this many cubes; rows of others stay in the file. May be given several times.
     #[arg(long, value_name = "CUBES")]
     objects: Vec<usize>,
-    /// Only groups of so many nodes. May be given several times.
+    /// Only groups of this many nodes. May be given several times.
     #[arg(long, value_name = "NODES")]
     nodes: Vec<usize>,
 }
@@ -56,20 +58,20 @@ pub(crate) struct Row {
     objects: usize,
     nodes: usize,
     repeats: u16,
-    /// Of the processor, milliseconds a tick: the leader; mean of all members; the slowest.
+    /// Processor time, milliseconds per tick: of the leader; the mean of all members; of the slowest.
     leader_ms: f64,
     members_ms: f64,
     slowest_ms: f64,
-    /// By the clock.
+    /// Wall time, milliseconds per tick.
     wall_ms: f64,
-    /// Sent by a member in a tick.
+    /// Messages and bytes sent by a member in a tick.
     messages: f64,
     bytes: f64,
     /// Copies of others' bodies at a member.
     replicas: f64,
-    /// In a tick: as many as the border takes that takes most.
+    /// Exchanges in a tick: those of the border that takes most.
     exchanges: f64,
-    /// Of copies at borders, at most, m/s.
+    /// The largest disagreement of copies at borders, m/s.
     disagreement_m_s: f32,
     /// Pairs that touch in a tick, in a world in one process.
     collisions: f64,
@@ -84,7 +86,7 @@ impl Thesis {
         Ok(())
     }
 
-    /// The worlds and groups to be run.
+    /// Lists the worlds and groups to be run.
     fn plan(&self) -> Vec<(usize, usize)> {
         if self.output.quick && self.objects.is_empty() && self.nodes.is_empty() {
             return vec![(500, 1), (500, 2)];
@@ -95,7 +97,7 @@ impl Thesis {
             let large = LARGE_GROUPS.into_iter().filter(|_| world.large.is_some() || world.objects == 4_000);
             plan.extend(groups.chain(large).map(|nodes| (world.objects, nodes)));
         }
-        // Beyond the thesis: where there is more to compute than to send.
+        // Worlds beyond the thesis, where there is more to compute than to send.
         plan.extend([1, 8, 32].map(|nodes| (MANY, nodes)));
         let wanted = |of: &[usize], value| of.is_empty() || of.contains(&value);
         plan.retain(|&(objects, nodes)| wanted(&self.objects, objects) && wanted(&self.nodes, nodes));
@@ -158,7 +160,7 @@ fn row(objects: usize, nodes: usize, groups: &[Group], collisions: f64) -> Row {
     }
 }
 
-/// Pairs of cubes that touch in a tick, mean, in a world in one process.
+/// Returns the mean number of pairs of cubes that touch in a tick, in a world in one process.
 fn collisions(objects: usize) -> Result<f64, Box<dyn Error>> {
     let scene = Scene::named("dve", &Params::new().with("n", objects))?;
     let mut world = LocalWorld::from_scene(&scene, WorldConfig::for_scene(&scene))?;

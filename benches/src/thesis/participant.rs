@@ -1,5 +1,5 @@
-//! Runs a participant of the thesis's test application: it computes a region of the world, and has one avatar, which it steers. It runs as a
-//! process of its own, and says at the end what a tick cost it.
+//! Runs a participant of the thesis's test application, which computes a region of the world and steers its
+//! one avatar. It runs as a process of its own, and says at the end what a tick cost it.
 
 use std::error::Error;
 use std::net::SocketAddr;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::timing::cpu_ms;
 
-/// Ticks before the measurement begins: by then avatars are there, and links are.
+/// Ticks before the measurement begins: by then avatars and links are there.
 const WARM_UP: u64 = 60;
 const LIMIT: Duration = Duration::from_secs(120);
 
@@ -34,13 +34,13 @@ pub(crate) struct ThesisParticipant {
 pub(super) struct Report {
     pub(super) node: u32,
     pub(super) ticks: u64,
-    /// Milliseconds a tick: of the processor, on all threads; by the clock.
+    /// Milliseconds per tick: processor time of all threads, and wall time.
     pub(super) cpu_ms: f64,
     pub(super) wall_ms: f64,
-    /// Messages and bytes sent, a tick.
+    /// Messages and bytes sent per tick.
     pub(super) messages: f64,
     pub(super) bytes: f64,
-    /// Copies of other regions' bodies, mean, and exchanges a tick.
+    /// Copies of other regions' bodies, and exchanges, means per tick.
     pub(super) replicas: f64,
     pub(super) exchanges: f64,
     /// The largest disagreement of copies, m/s.
@@ -75,7 +75,7 @@ impl ThesisParticipant {
         let config = JoinConfig { timeout: LIMIT, ..JoinConfig::new(self.server, self.token) };
         let mut world = ClientWorld::participate(&config)?;
         let place = [self.at[0], self.at[1], self.at[2]];
-        // What it shows: what is around its avatar.
+        // It shows what is around its avatar.
         world.turn_to(Some(Area::around_avatar(place)))?;
         let body = RigidBodyBuilder::dynamic().gravity_scale(0.0).build();
         let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5).restitution(1.0).friction(0.0);

@@ -5,7 +5,7 @@ use super::{MANY, Row};
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::results::Measured;
 
-/// The worlds that the thesis measured with up to 32 nodes, and the largest.
+/// The worlds that are drawn: those run here with up to 32 nodes, the largest last.
 const WORLDS: [usize; 5] = [1_000, 2_000, 3_000, 4_000, MANY];
 
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {

@@ -1,11 +1,12 @@
-//! Lists the figures of the thesis, chapter 5: milliseconds of a simulation step, measured in 2006 on a cluster of 2.8 GHz Pentium 4 PCs.
+//! Lists the figures of the thesis, chapter 5: milliseconds of a simulation step, measured in 2006 on a
+//! cluster of 2.8 GHz Pentium 4 PCs.
 
 /// One row of tables 5.1 and 5.7, or one column of table 5.2: a world of so many objects.
 pub(super) struct Published {
     pub(super) objects: usize,
-    /// On one node, and collisions in a step there (table 5.1).
+    /// The milliseconds and the collisions of a step on one node (table 5.1).
     pub(super) alone: (f64, f64),
-    /// Means of the members of groups of 2 to 8 (table 5.2); none above 4,000 objects.
+    /// Means of the members of groups of 2 to 8 (table 5.2); `None` above 4,000 objects.
     pub(super) groups: Option<[f64; 7]>,
     /// Means of the members of groups of 16 and 32 (table 5.7).
     pub(super) large: Option<[f64; 2]>,
@@ -33,19 +34,20 @@ pub(super) const WORLDS: [Published; 10] = [
     of(5_000, (1_228.0, 86.0), None, None),
 ];
 
-/// By how much the leader's step took longer than the members', percent of the leader's, in groups of 2 to 8 (table 5.6).
+/// How much longer the leader's step took than the members', percent of the leader's, in groups of 2 to 8
+/// (table 5.6).
 pub(super) const LEADER_PERCENT: [f64; 7] = [10.0, 42.0, 19.0, 24.0, 31.0, 46.0, 20.0];
 
 /// Mean scale-up of groups of 2 to 8 (table 5.3).
 pub(super) const SCALE_UP: [f64; 7] = [2.19, 3.62, 4.50, 5.03, 5.62, 7.21, 8.37];
 
 impl Published {
-    /// The world of so many objects, if the thesis had it.
+    /// Returns the world of so many objects, if the thesis had it.
     pub(super) fn world(objects: usize) -> Option<&'static Self> {
         WORLDS.iter().find(|world| world.objects == objects)
     }
 
-    /// Milliseconds of a step of a group of so many nodes, if the thesis had it.
+    /// Returns the milliseconds of a step of a group of so many nodes, if the thesis had it.
     pub(super) fn step_ms(&self, nodes: usize) -> Option<f64> {
         match nodes {
             1 => Some(self.alone.0),

@@ -15,7 +15,7 @@ pub(super) struct Compared {
     table: &'static str,
     nodes: usize,
     objects: usize,
-    /// None where the thesis has no such figure.
+    /// The thesis's figure; `None` where it has none.
     thesis: Option<f64>,
     ours: f64,
     unit: &'static str,
@@ -25,17 +25,17 @@ fn find(rows: &[Measured<Row>], objects: usize, nodes: usize) -> Option<&Row> {
     rows.iter().map(|row| &row.row).find(|row| (row.objects, row.nodes) == (objects, nodes))
 }
 
-/// How many times faster than alone a group is by its slowest member.
+/// Returns how many times faster than one node a group is, by its slowest member.
 fn scale_up(rows: &[Measured<Row>], row: &Row) -> Option<f64> {
     Some(find(rows, row.objects, 1)?.slowest_ms / row.slowest_ms)
 }
 
-/// By how much a tick costs the leader more than the mean of the members, percent of the leader's.
+/// Returns how much more a tick costs the leader than the mean of the members, percent of the leader's.
 fn leader_percent(row: &Row) -> f64 {
     100.0 * (row.leader_ms - row.members_ms) / row.leader_ms
 }
 
-/// All figures, those of tables 5.3 and 5.6 per world as well.
+/// Returns all figures, those of tables 5.3 and 5.6 per world as well.
 pub(super) fn compared(rows: &[Measured<Row>]) -> Vec<Compared> {
     let mut all = Vec::new();
     for Measured { row, .. } in rows {
@@ -65,7 +65,7 @@ pub(super) fn compared(rows: &[Measured<Row>]) -> Vec<Compared> {
     all
 }
 
-/// The tables of the page.
+/// Returns the tables of the page.
 pub(super) fn markdown(rows: &[Measured<Row>]) -> String {
     [alone(rows), groups(rows), means(rows), beyond(rows)].join("\n")
 }
@@ -90,7 +90,7 @@ fn alone(rows: &[Measured<Row>]) -> String {
     markdown_table(&head, lines)
 }
 
-/// Scale-up by the slowest member, and the thesis's, by cubes and nodes.
+/// Returns the table of scale-up by the slowest member, beside the thesis's, by cubes and nodes.
 fn groups(rows: &[Measured<Row>]) -> String {
     let of_groups = || rows.iter().map(|row| &row.row).filter(|row| row.nodes > 1 && row.objects != MANY);
     let (worlds, nodes): (BTreeSet<_>, BTreeSet<_>) = of_groups().map(|row| (row.objects, row.nodes)).unzip();

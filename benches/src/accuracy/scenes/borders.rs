@@ -1,4 +1,5 @@
-//! Defines the experiments on ownership: bodies handed over every step, on a border without flapping, reaching across all regions.
+//! Defines the experiments on ownership: bodies that are handed over every step, that stay on a border
+//! without flapping, or that reach across all regions.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
@@ -9,8 +10,8 @@ use super::super::reading::worst;
 use super::super::scene::{Case, Cut, Experiment, Size, corner, planes};
 use super::super::trace::distance;
 
-/// A tower of 100:1 that rides on a platform through borders one step's way apart, so that all of it changes owner every
-/// step.
+/// A tower of 100:1 that rides on a platform through borders that lie one step's travel apart, so that all of
+/// it changes owner every step.
 pub(super) const HANDOVER: Experiment = Experiment {
     number: 19,
     name: "handover",
@@ -104,6 +105,6 @@ fn giant(size: Size) -> Vec<Case> {
     let case = Case::new("slab of 40 m", scene, size.pick(5.0, 20.0), borders, |trace, _| {
         super::stacks::displacement(trace)
     });
-    // At rest to a millimetre.
+    // All must rest within a millimetre.
     vec![Case { pairs: Some(3), ..case.resting().within(1e-3) }]
 }

@@ -1,4 +1,5 @@
-//! Defines the experiments of what falls sooner or later, or is to fall: card house, arch, planks, dominoes.
+//! Defines the experiments of structures that fall sooner or later, or are meant to fall: card house, arch,
+//! planks, dominoes.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
@@ -45,7 +46,7 @@ fn buildings(size: Size) -> Vec<Case> {
     ]
 }
 
-/// When the first body is 0.2 m from its place; the end of the run if none is.
+/// Returns the time when the first body is 0.2 m from its place; the end of the run if none is.
 fn collapse_s(trace: &Trace) -> f64 {
     const FAR_M: f64 = 0.2;
     let first = trace.first();
@@ -55,7 +56,7 @@ fn collapse_s(trace: &Trace) -> f64 {
     trace.looks.iter().find(fell).unwrap_or(trace.last()).t_s
 }
 
-/// A floor whose top is y = 0, in a world of its own.
+/// Returns a scene with a floor whose top is y = 0.
 fn floor(name: &str, half_m: f32, bounds: Bounds) -> Scene {
     let mut scene = Scene::empty(name);
     scene.push_fixed_box([0.0, -1.0, 0.0], [half_m, 1.0, half_m], &ColliderBuilder::ball(1.0).friction(0.8));
@@ -68,10 +69,10 @@ fn push(scene: &mut Scene, place: [f64; 3], turn: Rotation, collider: ColliderBu
     scene.push(pose, RigidBodyBuilder::dynamic().can_sleep(false), collider.friction(0.8));
 }
 
-/// Three storeys of leaning pairs, with cards laid between them.
+/// Builds three storeys of leaning pairs, with cards laid between them.
 fn card_house() -> Scene {
     const STOREYS: usize = 3;
-    /// From one pair to the next; the feet of a pair stand 0.66 m apart.
+    /// The distance from one pair to the next; the feet of a pair stand 0.66 m apart.
     const PITCH_M: f64 = 0.7;
     const LENGTH_M: f64 = 1.0;
     const THICK_M: f64 = 0.02;
@@ -102,18 +103,18 @@ fn card_house() -> Scene {
     scene
 }
 
-/// A half circle of 13 wedges.
+/// Builds a half circle of 13 wedges.
 fn arch() -> Scene {
     const WEDGES: usize = 13;
     const INNER_M: f64 = 2.0;
     const OUTER_M: f64 = 2.6;
     const HALF_DEEP_M: f32 = 0.3;
-    /// Half of what is free between wedges: of hulls that touch exactly, Parry may take any face for the deepest.
+    /// Half of the gap between wedges: of hulls that touch exactly, Parry may take any face for the deepest.
     const GAP_M: f64 = 5e-4;
     let mut scene = floor("arch", 20.0, Bounds::new([-4.0, 0.0, -1.0], [4.0, 4.0, 1.0]));
     let half_angle = 0.5 * std::f64::consts::PI / WEDGES as f64;
     let middle_m = 0.5 * (INNER_M + OUTER_M);
-    // As the keystone has it: radii along y.
+    // In the frame of the keystone: radii lie along y.
     let corners: Vec<_> = [INNER_M, OUTER_M]
         .into_iter()
         .flat_map(|radius| {
@@ -135,7 +136,7 @@ fn arch() -> Scene {
     scene
 }
 
-/// Twenty layers of two planks each, every other one crosswise.
+/// Builds twenty layers of two planks each; every other layer lies crosswise.
 fn planks() -> Scene {
     const LAYERS: usize = 20;
     let half_m = [0.6, 0.04, 0.12];
@@ -179,7 +180,7 @@ fn dominoes(size: Size) -> Vec<Case> {
 
 const DOMINO_PITCH_M: f64 = 0.6;
 
-/// Rows along x; the first domino of each is tipping over.
+/// Builds rows of dominoes along x; the first domino of each row is tipping over.
 fn field_of_dominoes(rows: usize, row: usize, sleep: bool) -> Scene {
     const HALF_M: [f32; 3] = [0.08, 0.6, 0.3];
     const ROW_PITCH_M: f64 = 1.5;
@@ -196,7 +197,7 @@ fn field_of_dominoes(rows: usize, row: usize, sleep: bool) -> Scene {
             ];
             let body = RigidBodyBuilder::dynamic().can_sleep(sleep);
             let body = match x {
-                // About its foot.
+                // It turns about its foot.
                 0 => body.angvel(Vector::new(0.0, 0.0, -2.0)).linvel(Vector::new(2.0 * HALF_M[1], 0.0, 0.0)),
                 _ => body,
             };
@@ -206,17 +207,17 @@ fn field_of_dominoes(rows: usize, row: usize, sleep: bool) -> Scene {
     scene
 }
 
-/// Borders through the middle of dominoes.
+/// Returns borders through the middle of dominoes.
 fn at_dominoes(row: usize) -> impl Fn(usize) -> Vec<Cut> {
     let at = |eighths: usize| ((eighths * row / 8) as f64 - 0.5 * (row - 1) as f64) * DOMINO_PITCH_M;
     planes(Axis::X, [4, 2, 6, 1, 3, 5, 7].map(at))
 }
 
-/// Whether its long side leans by more than 45°.
+/// Returns whether the long side of a domino leans by more than 45°.
 fn has_fallen(look: &Look, body: usize) -> bool {
     look.bodies[body].is_some_and(|(pose, _)| {
         let [x, _, z, _] = pose.rotation.map(f64::from);
-        // The y of the turned y axis.
+        // The y component of the turned y axis.
         1.0 - 2.0 * (x * x + z * z) < std::f64::consts::FRAC_1_SQRT_2
     })
 }

@@ -4,8 +4,8 @@ use super::super::fleet::Fault;
 use super::super::scene::{Case, Experiment, Size};
 use super::stacks::displacement;
 
-/// Tower, pyramid and gas again, with faults. Skipped exchanges must pass the scene's own gate with a quarter more; late
-/// and lost ones are measured, and no body may be lost.
+/// Tower, pyramid and gas again, with faults. With skipped exchanges they must pass the scene's own gate with
+/// a quarter more. With late and lost exchanges they are only measured, and no body may be lost.
 pub(super) const DELAYED: Experiment = Experiment {
     number: 26,
     name: "delayed",
@@ -15,7 +15,7 @@ pub(super) const DELAYED: Experiment = Experiment {
     finer: false,
 };
 
-/// How much more is allowed where all holders skip every tenth exchange.
+/// The factor by which more is allowed where all holders skip every tenth exchange.
 const SKIPPED: f64 = 1.25;
 
 fn delayed(size: Size) -> Vec<Case> {
@@ -46,7 +46,7 @@ fn with_fault(mut case: Case, name: &str, fault: Fault) -> Case {
     case.label = format!("{what}: {name} {}", case.label);
     case.fault = Some(fault);
     if name == "pyramid" {
-        // The distance from R1 is asked for where nothing is wrong.
+        // The distance from R1 is required only where there is no fault.
         case = case.measured_by(|trace, _| displacement(trace));
         case.threshold = None;
     }

@@ -30,7 +30,7 @@ pub(super) const BALLS_666: Experiment = Experiment {
 
 const EDGE: usize = 6;
 const RADIUS_M: f64 = 0.1;
-/// From centre to centre.
+/// The distance from centre to centre.
 const PITCH_M: f64 = 0.21;
 
 fn elastic(size: Size) -> Vec<Case> {
@@ -45,11 +45,11 @@ fn plastic(size: Size) -> Vec<Case> {
     let case = Case::new("dropped 0.2 m", balls(0.2, 0.0), size.pick(2.0, 4.0), middle(0.2), |trace, _| {
         trace.looks.iter().map(square_penetration_m2).sum::<f64>() / trace.looks.len() as f64
     });
-    // A tenth of a millimetre in each of some hundred contacts.
+    // The floor is a tenth of a millimetre in each of some hundred contacts.
     vec![case.in_unit("m²", 1e-6).within(1e-4)]
 }
 
-/// Columns of balls over the floor, whose top is y = 0; the lowest balls fall by this.
+/// Builds columns of balls over a floor whose top is y = 0; the lowest balls fall by `drop_m`.
 fn balls(drop_m: f64, restitution: f32) -> Scene {
     let mut scene = Scene::empty("balls");
     let friction = if restitution > 0.0 { 0.0 } else { 0.5 };
@@ -66,7 +66,7 @@ fn balls(drop_m: f64, restitution: f32) -> Scene {
     scene
 }
 
-/// Down between the middle columns, and across where the balls gather.
+/// Returns borders down between the middle columns, and across where the balls gather.
 fn middle(drop_m: f64) -> impl Fn(usize) -> Vec<super::super::scene::Cut> {
     corner([Axis::X, Axis::Z, Axis::Y], [0.0, 0.25 + 0.2 * drop_m, 0.0])
 }
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn penetration_counts_the_floor_and_each_pair_once() {
         let at = |x: f64, y: f64| Some((WorldPose::at([x, y, 0.0]), Velocity::default()));
-        // The first lies 1 cm in the floor, the second 2 cm in the first, the third touches nothing.
+        // The first ball lies 1 cm in the floor, the second 2 cm in the first, the third touches nothing.
         let look = Look { bodies: vec![None, at(0.0, 0.09), at(0.18, 0.1), at(9.0, 0.1)], ..Look::default() };
         let depth_m = 0.2 - (0.18f64.powi(2) + 0.01f64.powi(2)).sqrt();
         assert!((square_penetration_m2(&look) - (1e-4 + depth_m.powi(2))).abs() < 1e-12);

@@ -1,4 +1,5 @@
-//! Defines the experiments of bodies in flight: shot through several regions a step, tumbling where eight meet, against a thin wall.
+//! Defines the experiments of bodies in flight: shot through several regions per step, tumbling where eight
+//! regions meet, or shot against a thin wall.
 
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
@@ -10,7 +11,7 @@ use super::super::reading::worst;
 use super::super::scene::{Case, Experiment, Size, corner, planes};
 use super::super::trace::{Look, distance, norm};
 
-/// A ball shot through so many planes that it crosses three and more regions in one step.
+/// A ball shot through planes that lie so close that it crosses three or more regions in one step.
 pub(super) const PROJECTILE: Experiment = Experiment {
     number: 1,
     name: "projectile",
@@ -41,7 +42,7 @@ pub(super) const BULLET: Experiment = Experiment {
 };
 
 fn projectile(_: Size) -> Vec<Case> {
-    // Rapier stops at 400 m/s, falling included.
+    // Rapier limits speeds to 400 m/s, falling included.
     [50.0, 150.0, 300.0, 399.0].map(shot).into()
 }
 
@@ -66,7 +67,7 @@ fn shot(speed_m_s: f64) -> Case {
     case.every_step()
 }
 
-/// Edges of the tumbling box, metres.
+/// The edges of the tumbling box, metres.
 const EDGES_M: [f32; 3] = [1.0, 2.0, 3.0];
 
 fn dzhanibekov(size: Size) -> Vec<Case> {
@@ -92,7 +93,7 @@ fn dzhanibekov(size: Size) -> Vec<Case> {
     vec![size_of.in_unit("", 1e-4).within(0.02).free(), direction.in_unit("", 1e-4).within(1e-3).free()]
 }
 
-/// Angular momentum of the box about its centre, in kg m²/s for a density of 1.
+/// Returns the angular momentum of the box about its centre, in kg m²/s for a density of 1.
 fn spin_momentum(look: &Look) -> [f64; 3] {
     let Some((pose, velocity)) = look.bodies[0] else { return [f64::NAN; 3] };
     let [x, y, z] = EDGES_M.map(f64::from);
@@ -114,14 +115,14 @@ fn bullet(_: Size) -> Vec<Case> {
     speeds.into_iter().flat_map(|speed| [true, false].map(|fixed| shot_at_a_wall(speed, fixed))).collect()
 }
 
-/// The wall is fixed, or owned by the region behind the border.
+/// Shoots a ball at a wall that is fixed, or owned by the region behind the border.
 fn shot_at_a_wall(speed_m_s: f32, fixed: bool) -> Case {
     const WALL_M: f64 = 0.03;
     let mut scene = Scene::empty("bullet");
     scene.gravity = [0.0; 3];
     let body = if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic().can_sleep(false) };
     scene.push(WorldPose::at([WALL_M, 0.0, 0.0]), body, ColliderBuilder::cuboid(0.01, 2.0, 2.0).mass(1000.0));
-    // A third of a step off the place where steps would end at the wall.
+    // A third of a step away from where steps would end at the wall.
     let start_m = -f64::from(speed_m_s) * (10.0 + 1.0 / 3.0) / 60.0;
     let body = RigidBodyBuilder::dynamic()
         .linvel(Vector::new(speed_m_s, 0.0, 0.0))

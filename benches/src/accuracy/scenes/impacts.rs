@@ -9,7 +9,7 @@ use super::super::reading::worst;
 use super::super::scene::{Case, Experiment, Size, corner};
 use super::super::trace::Trace;
 
-/// Two balls head-on, each of 1 m/s, that touch exactly on the border.
+/// Two balls that meet head-on at 1 m/s each and touch exactly on the border.
 pub(super) const BORDER_PAIR: Experiment = Experiment {
     number: 5,
     name: "border_pair",
@@ -19,7 +19,8 @@ pub(super) const BORDER_PAIR: Experiment = Experiment {
     finer: false,
 };
 
-/// Five elastic balls in a row, 1 cm apart; the first strikes, the border runs between the third and the fourth.
+/// Five elastic balls in a row, 1 cm apart. The first strikes; the border runs between the third and the
+/// fourth.
 pub(super) const CRADLE: Experiment = Experiment {
     number: 6,
     name: "cradle",
@@ -49,7 +50,8 @@ fn border_pair(_: Size) -> Vec<Case> {
     cases
 }
 
-/// At 1 m/s one impact follows the other; at 5 m/s all of them fall into one step, and one world is wrong as well.
+/// Lists two speeds. At 1 m/s one impact follows the other; at 5 m/s all of them fall into one step, and one
+/// world is wrong as well.
 fn cradle(_: Size) -> Vec<Case> {
     [1.0, 5.0].map(struck_row).into()
 }
@@ -76,7 +78,7 @@ fn struck_row(speed_m_s: f64) -> Case {
     case.in_unit("m/s", 1e-4).within(1e-3 * speed_m_s).free()
 }
 
-/// Velocities after a central impact with this restitution.
+/// Returns the velocities after a central impact with this restitution.
 fn after_impact(m: [f64; 2], v: [f64; 2], restitution: f64) -> [f64; 2] {
     let together = (m[0] * v[0] + m[1] * v[1]) / (m[0] + m[1]);
     let apart = restitution * (v[1] - v[0]) / (m[0] + m[1]);
@@ -98,7 +100,7 @@ fn space(name: &str) -> Scene {
     scene
 }
 
-/// A frictionless ball on the x axis.
+/// Adds a frictionless ball on the x axis.
 fn push_ball(scene: &mut Scene, x: f64, speed_m_s: f32, mass_kg: f32, restitution: f32) {
     let body = RigidBodyBuilder::dynamic().linvel(Vector::new(speed_m_s, 0.0, 0.0)).can_sleep(false);
     let ball = ColliderBuilder::ball(RADIUS_M).mass(mass_kg).restitution(restitution).friction(0.0);

@@ -19,7 +19,7 @@ pub(super) const CHAIN: Experiment = Experiment {
     finer: true,
 };
 
-/// A net of balls tied to their neighbours, let go from lying flat, held along one edge.
+/// A net of balls tied to their neighbours, held along one edge and let go from lying flat.
 pub(super) const JOINT_GRID: Experiment = Experiment {
     number: 16,
     name: "joint_grid",
@@ -30,7 +30,7 @@ pub(super) const JOINT_GRID: Experiment = Experiment {
 };
 
 const LINKS: usize = 16;
-/// Links, and half the bob.
+/// The length of the links and half the bob.
 const LENGTH_M: f64 = 8.3;
 
 fn chain(size: Size) -> Vec<Case> {
@@ -64,7 +64,7 @@ fn chain(size: Size) -> Vec<Case> {
         hanging("hanging 16 iterations", stiff(scene(1000, 0.0), 16)),
         hanging("hanging 12 extra iterations", extra(scene(1000, 0.0), 12)),
         hanging("10:1 hanging 4 iterations", scene(10, 0.0)),
-        // Half a hundredth of its length.
+        // Half a hundredth of the chain's length.
         swinging.within(0.04),
     ]
 }
@@ -73,7 +73,7 @@ fn across() -> impl Fn(usize) -> Vec<Cut> {
     planes(Axis::Y, [-4.0, -2.0, -6.0, -8.0, -1.25, -3.0, -5.25])
 }
 
-/// How far the bob is from where it should hang, mean of the last second.
+/// Returns how far the bob is from where it should hang, mean of the last second.
 fn stretch(trace: &Trace) -> f64 {
     let (count, sum) = trace.tail(1.0).fold((0, 0.0), |(count, sum), look| {
         (count + 1, sum + distance(look.place(LINKS + 1), [0.0, -LENGTH_M, 0.0]))
@@ -98,7 +98,8 @@ fn joint_grid(size: Size) -> Vec<Case> {
     vec![apart, speed.in_unit("m/s", 1e-4).within(100.0)]
 }
 
-/// Rapier's `joint_ball` example: balls of 0.4 m a metre apart; every fourth of the first row stays where it is.
+/// Builds the net of Rapier's `joint_ball` example: balls of 0.4 m a metre apart. Every fourth ball of the
+/// first row, and its last, stays where it is.
 fn net(edge: usize) -> Scene {
     let mut scene = Scene::empty("joint_grid");
     let ball = ColliderBuilder::ball(0.4);
@@ -127,7 +128,7 @@ fn net(edge: usize) -> Scene {
     scene
 }
 
-/// Up to 16 squares, with borders through columns and rows of balls.
+/// Returns borders that make up to 16 squares and run through columns and rows of balls.
 fn squares(edge: usize) -> impl Fn(usize) -> Vec<Cut> {
     let at = move |quarter: usize| (quarter * edge / 4) as f64;
     let (x, z) = (move |quarter| (Axis::X, at(quarter)), move |quarter| (Axis::Z, at(quarter)));
@@ -139,7 +140,8 @@ fn squares(edge: usize) -> impl Fn(usize) -> Vec<Cut> {
     }
 }
 
-/// Of all joints, how far apart the two bodies hold the point that should be one.
+/// Returns the mean gap of all joints: how far apart the two bodies of a joint hold the point that should be
+/// one.
 pub(crate) fn mean_gap_m(scene: &Scene, joints: &[SceneJoint], look: &Look) -> f64 {
     let anchor = |body: usize, local: Vector| {
         let pose = look.bodies[body].map_or(scene.bodies[body].pose, |(pose, _)| pose);
@@ -165,7 +167,7 @@ mod tests {
         let scene = net(4);
         let mut look = Look { bodies: vec![None; 16], ..Look::default() };
         assert!(mean_gap_m(&scene, &scene.joints, &look) < 1e-6);
-        // A ball in the middle hangs on four joints of 24.
+        // A ball in the middle hangs on four of the 24 joints.
         let moved = WorldPose::at([1.0, -0.3, 1.0]);
         look.bodies[5] = Some((moved, Velocity::default()));
         assert!((mean_gap_m(&scene, &scene.joints, &look) - 4.0 * 0.3 / 24.0).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Lists the experiments, by family.
+//! Lists the experiments; each module holds a family of them.
 
 mod borders;
 mod collapse;
@@ -16,7 +16,7 @@ pub(crate) use joints::mean_gap_m;
 
 use super::scene::Experiment;
 
-/// All of them, in the order in which they were first built.
+/// Returns all experiments, in the order in which they were first built.
 pub(crate) fn experiments() -> Vec<Experiment> {
     vec![
         flight::PROJECTILE,

@@ -20,7 +20,7 @@ pub(super) const RAGDOLLS: Experiment = Experiment {
 
 fn ragdolls(size: Size) -> Vec<Case> {
     let case = |label: &str, count: usize, multibody: u32, part: f64| {
-        // The largest of few is chance.
+        // The largest gap of few ragdolls is a matter of chance, hence several seeds.
         let scenes: Vec<_> = (1..=size.pick(3, 1)).map(|seed| scene(count, seed, multibody)).collect();
         let (joints, cuts) = (scenes[0].joints.clone(), through(&scenes[0]));
         let measure = Measure::Formula(Box::new(move |trace, _| gap_m(trace, &joints, part)));
@@ -39,7 +39,8 @@ fn scene(count: usize, seed: u64, multibody: u32) -> Scene {
     Scene::named("ragdolls", &params.with("sleep", 0)).expect("the library has ragdolls")
 }
 
-/// Across the stairs and the floor at their foot, and along them through a column of ragdolls.
+/// Returns borders across the stairs and the floor at their foot, and along them through a column of
+/// ragdolls.
 fn through(scene: &Scene) -> impl Fn(usize) -> Vec<Cut> + use<> {
     let [length_m, ..] = scene.bounds.size();
     let (across, along) = (move |quarter: f64| (Axis::X, 0.25 * quarter * length_m), (Axis::Z, 1.1));
@@ -50,7 +51,7 @@ fn through(scene: &Scene) -> impl Fn(usize) -> Vec<Cut> + use<> {
     }
 }
 
-/// Of the joints of all looks, how far this part of them is not farther apart than.
+/// Returns the gap that this part of the joints of all looks does not exceed.
 fn gap_m(trace: &Trace, joints: &[SceneJoint], part: f64) -> f64 {
     let mut gaps: Vec<_> =
         trace.looks.iter().flat_map(|look| joints.iter().map(|joint| gap_of(look, joint))).collect();
@@ -58,7 +59,8 @@ fn gap_m(trace: &Trace, joints: &[SceneJoint], part: f64) -> f64 {
     *gaps.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
-/// How far apart the two bodies of a joint hold the point that should be one; the worst if one is lost.
+/// Returns how far apart the two bodies of a joint hold the point that should be one; the worst error if one
+/// is lost.
 fn gap_of(look: &Look, joint: &SceneJoint) -> f64 {
     let anchor = |body: usize, frame: &Pose| {
         let (pose, _) = look.bodies[body]?;
@@ -87,7 +89,7 @@ mod tests {
             gap_m(&Trace { looks: vec![look.clone()], ..Trace::default() }, &scene.joints, part)
         };
         assert!(of(&look, 1.0) < 1e-6);
-        // A shin is the last of a ragdoll, on one joint of ten.
+        // A shin is the last body of a ragdoll, and hangs on one joint of ten.
         let last = scene.bodies.len() - 1;
         let [x, y, z] = scene.bodies[last].pose.translation;
         look.bodies[last] = Some((

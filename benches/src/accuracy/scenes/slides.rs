@@ -29,9 +29,10 @@ pub(super) const SLOPE: Experiment = Experiment {
     finer: true,
 };
 
-/// After SimBenchmark's rolling test: a wide box on 25 balls, pushed. There for 4 s, here for 1 s, after which balls that
-/// slip leave the box. With μ 0.4 all balls slip at 150 N; with μ 0.8 some would (how the box weighs on 25 balls is not
-/// determined by statics, and R2 is as far from the formula as R1), so that it is pushed with 75 N and all roll.
+/// A wide box on 25 balls that is pushed, after SimBenchmark's rolling test. That test pushes for 4 s, this
+/// one for 1 s, after which balls that slip leave the box. With μ 0.4 all balls slip at 150 N. With μ 0.8
+/// some would: statics do not determine how the box weighs on 25 balls, and R2 is as far from the formula as
+/// R1. There the box is pushed with 75 N, and all balls roll.
 pub(super) const ROLLING_BOX: Experiment = Experiment {
     number: 3,
     name: "rolling_box",
@@ -41,7 +42,7 @@ pub(super) const ROLLING_BOX: Experiment = Experiment {
     finer: true,
 };
 
-/// A capsule that glides over a height field along a row of its vertices, where the border is.
+/// A capsule that glides over a height field and the border, along a row of vertices or across cells.
 pub(super) const SEAM: Experiment = Experiment {
     number: 18,
     name: "seam",
@@ -51,7 +52,7 @@ pub(super) const SEAM: Experiment = Experiment {
     finer: false,
 };
 
-/// A floor whose top is y = 0.
+/// Adds a floor whose top is y = 0.
 fn push_floor(scene: &mut Scene, half_m: f32, friction: f32) {
     let material = ColliderBuilder::ball(1.0).friction(friction);
     scene.push_fixed_box([0.0, -1.0, 0.0], [half_m, 1.0, half_m], &material);
@@ -82,7 +83,8 @@ fn slope(size: Size) -> Vec<Case> {
     offsets.iter().map(|&offset_deg| box_on_slope(offset_deg)).collect()
 }
 
-/// The slope falls towards +x; the border runs where the box starts if it stays, else where it has gone half of its way.
+/// Puts a box on a slope that falls towards +x. The border runs where the box starts if it stays, else where
+/// it has gone half of its way.
 fn box_on_slope(offset_deg: f64) -> Case {
     const FRICTION: f64 = 0.5;
     const GRAVITY_M_S2: f64 = 9.81;
@@ -92,7 +94,7 @@ fn box_on_slope(offset_deg: f64) -> Case {
     let acceleration = (GRAVITY_M_S2 * (sin - FRICTION * cos)).max(0.0);
     let way_m = 0.5 * acceleration * SECONDS * SECONDS;
     let turn = Rotation::from_rotation_z(-angle as f32);
-    // Distance down the slope and height over it, as a place in the world.
+    // The place in the world at a distance down the slope and a height over it.
     let at = move |down: f64, over: f64| [down * cos + over * sin, over * cos - down * sin, 0.0];
     let turned = |place: [f64; 3]| WorldPose { translation: place, rotation: turn.to_array() };
 
@@ -119,7 +121,7 @@ fn box_on_slope(offset_deg: f64) -> Case {
 }
 
 const BALLS: f64 = 25.0;
-/// Friction, and the force of the push in newtons: one that slips, one that rolls.
+/// Friction, and the force of the push in newtons: one push that slips, one that rolls.
 const PUSHES: [(f64, f64); 2] = [(0.4, 150.0), (0.8, 75.0)];
 
 fn rolling_box(_: Size) -> Vec<Case> {
@@ -138,7 +140,8 @@ fn rolling_box(_: Size) -> Vec<Case> {
             });
             cases.push(pushed(case, along, push_n).in_unit("m²/s²", 1e-4).within(1e-3));
         }
-        // Speeds of different headings differ as much as the speed along one does from its part along each axis.
+        // Speeds along different headings differ as much as the speed along one heading does from its part
+        // along each axis.
         let diagonal = heading(30.0);
         let case = Case::new(
             format!("μ {friction} anisotropy"),
@@ -156,12 +159,13 @@ fn rolling_box(_: Size) -> Vec<Case> {
     cases
 }
 
-/// The first border passes under the box between balls, the others through its middle.
+/// Returns borders under the box: the first passes between balls, the second through the middle of the box,
+/// and the third along its lower face.
 fn under_the_box() -> impl Fn(usize) -> Vec<Cut> {
     corner([Axis::X, Axis::Z, Axis::Y], [1.0, 1.0, 0.0])
 }
 
-/// The force that acts on the box from the first step on, through its centre.
+/// Pushes the box through its centre, with a force that acts from the first step on.
 fn pushed(case: Case, along: [f64; 3], push_n: f64) -> Case {
     let force = Vector::from_array(along.map(|part| (part * push_n) as f32));
     case.every_step().driven(move |world, t_s| {
@@ -177,8 +181,9 @@ fn heading(degrees: f64) -> [f64; 3] {
     [cos, 0.0, sin]
 }
 
-/// Of the box. A ball that rolls under it goes half as fast and takes 0.35 of its mass times the box's acceleration as
-/// friction (from m a / 2 = f₁ + f₂ and 2/5 m r² a / 2r = (f₁ − f₂) r); where friction cannot give that, the box slips.
+/// Returns the acceleration of the box. A ball that rolls under it goes half as fast, and takes 0.35 of its
+/// mass times the box's acceleration as friction (from m a / 2 = f₁ + f₂ and 2/5 m r² a / 2r = (f₁ − f₂) r).
+/// Where friction cannot give that, the box slips.
 fn pushed_acceleration(friction: f64, push_n: f64) -> f64 {
     const BOX_KG: f64 = 10.0;
     const BALL_KG: f64 = 1.0;
@@ -187,7 +192,7 @@ fn pushed_acceleration(friction: f64, push_n: f64) -> f64 {
     if BALLS * 0.35 * BALL_KG * rolling <= grip_n { rolling } else { (push_n - grip_n) / BOX_KG }
 }
 
-/// The box among the bodies: after the floor.
+/// The index of the box among the bodies: it comes after the floor.
 const BOX: usize = 1;
 
 fn pushed_box(friction: f64) -> Scene {

@@ -17,7 +17,7 @@ pub(super) const TOWER: Experiment = Experiment {
     finer: true,
 };
 
-/// The same, cut four times.
+/// The same towers, cut four times.
 pub(super) const TOWER_5: Experiment = Experiment {
     number: 11,
     name: "tower_5",
@@ -51,7 +51,8 @@ fn wall(size: Size) -> Vec<Case> {
     let (width, height, seconds) = size.pick((10, 6, 20.0), (20, 8, 600.0));
     let params = Params::new().with("width", width).with("height", height).with("sleep", 0);
     let scene = Scene::named("wall", &params).expect("the library has walls");
-    // Between bricks of one course and through those of the next; between courses; through more bricks.
+    // Borders between bricks of one course and through those of the next; between courses; through more
+    // bricks.
     let cuts = |regions: usize| -> Vec<Cut> {
         match regions {
             2 => vec![(Axis::X, 0.0)],
@@ -119,7 +120,7 @@ fn pyramid(size: Size) -> Vec<Case> {
     vec![upright.resting(), across.resting(), whole.resting()]
 }
 
-/// How far the body that went farthest is from its first place, mean of the last second.
+/// Returns the largest distance of a body from its first place, mean of the last second.
 pub(super) fn displacement(trace: &Trace) -> f64 {
     let first = trace.first();
     let (count, sum) = trace.tail(1.0).fold((0, 0.0), |(count, sum), look| {
@@ -128,7 +129,7 @@ pub(super) fn displacement(trace: &Trace) -> f64 {
     sum / f64::from(count)
 }
 
-/// How far the body that is farthest off is from where one bare world has it at the end.
+/// Returns the largest distance of a body from where one bare world has it at the end.
 pub(super) fn deviation(trace: &Trace, r1: &Trace) -> f64 {
     let (own, reference) = (trace.last(), r1.last());
     worst(reference.moving().map(|body| distance(own.place(body), reference.place(body))))

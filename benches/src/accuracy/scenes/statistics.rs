@@ -36,7 +36,8 @@ pub(super) const SPHERES_1000: Experiment = Experiment {
     finer: false,
 };
 
-/// The mean of eight runs is off by chance by more than the gate allows in one of 300 cases; that of three was in one of twenty.
+/// The seeds of a chaotic case. The mean of eight runs is off by chance by more than the gate allows in one
+/// of 300 cases; that of three runs was in one of twenty.
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=8;
 
 fn pile(size: Size) -> Vec<Case> {
@@ -44,7 +45,7 @@ fn pile(size: Size) -> Vec<Case> {
         let params = |seed| Params::new().with("n", boxes).with("seed", seed);
         let scenes: Vec<_> =
             seeds.map(|seed| Scene::named("heap", &params(seed)).expect("the library has heaps")).collect();
-        // Through the settled heap, which is half as high as wide.
+        // Borders through the settled heap, which is half as high as wide.
         let low_m = 0.2 * scenes[0].bounds.size()[0];
         let corner = corner([Axis::X, Axis::Z, Axis::Y], [0.0, low_m, 0.0]);
         let figures = Measure::Statistics(Box::new(|trace| heap_figures(trace).into()));
@@ -52,13 +53,14 @@ fn pile(size: Size) -> Vec<Case> {
     };
     match size {
         Size::Quick => vec![case(150, 5.0, SEEDS)],
-        // Of ten thousand every mean is sharp: two seeds do.
+        // With ten thousand boxes every mean is sharp: two seeds suffice.
         Size::Full => vec![case(1_000, 8.0, SEEDS), case(10_000, 10.0, 1..=2)],
     }
 }
 
-/// Mean height, deepest penetration, and the height that the remaining motion could lift the boxes, in metres. A heap may
-/// lie 25 mm higher or lower in the mean: how boxes of 1 m come to lie is chance.
+/// Returns the mean height, the deepest penetration, and the height to which the remaining motion could lift
+/// the boxes, in metres. A heap may lie 25 mm higher or lower in the mean: how boxes of 1 m come to lie is
+/// chance.
 fn heap_figures(trace: &Trace) -> [Figure; 3] {
     const GRAVITY_M_S2: f64 = 9.81;
     let mut sums = [0.0; 3];
@@ -132,7 +134,8 @@ fn gas(size: Size) -> Vec<Case> {
     vec![Case::of(format!("{balls} balls"), scenes, size.pick(5.0, 10.0), corner, figures).in_unit("", 1e-4)]
 }
 
-/// Energy left, and the net momentum as a share of all that moves; the walls take and give momentum.
+/// Returns the energy left, and the net momentum as a share of the momentum of all that moves; the walls take
+/// and give momentum.
 fn gas_figures(trace: &Trace, masses_kg: &[f64]) -> Vec<Figure> {
     let last = trace.last();
     let (mut net, mut all) = ([0.0; 3], 0.0);
@@ -142,7 +145,7 @@ fn gas_figures(trace: &Trace, masses_kg: &[f64]) -> Vec<Figure> {
         all += norm(momentum);
     }
     vec![
-        // One world loses a quarter; who loses less is right.
+        // One world loses a quarter of its energy; a run that loses less is right.
         Figure { value: last.energy_j / trace.first().energy_j, better: Better::Towards(1.0), within: 0.0 },
         Figure { value: norm(net) / all, better: Better::Nowhere, within: 0.0 },
     ]

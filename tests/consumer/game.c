@@ -1,4 +1,4 @@
-/* As little as shows that the library was found, linked and works: a ball falls for a second. */
+/* Shows that the library was found, linked and works: a ball falls for a second. */
 #include <dcd.h>
 
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* The same in C++, with the C++ header. */
+/* The same as game.c in C++, with the C++ header. */
 #include <dcd.hpp>
 
 #include <cstdio>

@@ -1,4 +1,5 @@
-//! Takes the picture of the README: a world in four regions, as the viewer's page shows it in a headless Chromium.
+//! Takes the picture of the README: a world in four regions, as the viewer's page shows it in a headless
+//! Chromium.
 //!
 //! `cargo run -p dcd-tests --example picture -- dcd/manual/world.png`
 
@@ -13,12 +14,12 @@ use dcd::Viewer;
 use dcd::prelude::*;
 use dcd_tests::browser::Browser;
 
-/// CSS pixels, and how many pixels one of these is.
+/// The size of the window in CSS pixels, and the number of device pixels per CSS pixel.
 const SIZE: (u32, u32) = (1200, 520);
 const SCALE: f64 = 1.0;
-/// From where it is seen, and what of it.
+/// The query of the viewer's page: the camera, and what is shown.
 const LOOK: &str = "bare&theme=light&show=borders,ghosts&yaw=0.62&pitch=0.5&distance=25&target=0,0,0.8";
-/// Ticks before the picture.
+/// The number of ticks before the picture is taken.
 const TICKS: u32 = 120;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -62,13 +63,13 @@ fn taken(url: &str, out: &Path) -> Result<usize, Box<dyn Error>> {
     Ok(picture.len())
 }
 
-/// Encodes a picture anew, with the 256 colours that it has most of.
+/// Encodes a picture again with a palette of its 256 most frequent colours.
 fn smaller(picture: &[u8]) -> Result<Vec<u8>, Box<dyn Error>> {
     let mut reader = png::Decoder::new(Cursor::new(picture)).read_info()?;
     let mut bytes = vec![0; reader.output_buffer_size().ok_or("a picture too large")?];
     let info = reader.next_frame(&mut bytes)?;
     let pixels = || bytes.chunks_exact(info.color_type.samples()).map(|pixel| [pixel[0], pixel[1], pixel[2]]);
-    // Colours that are nearly alike are one: their mean.
+    // Similar colours share one palette entry: their mean.
     let like = |colour: [u8; 3]| colour.map(|v| v / 6);
     let mut buckets = BTreeMap::<[u8; 3], (u64, [u64; 3])>::new();
     for colour in pixels() {
@@ -96,7 +97,7 @@ fn smaller(picture: &[u8]) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(small)
 }
 
-/// Shapes that fall in a spiral round the corner of the four regions, and blow outwards.
+/// Inserts shapes that fall in a spiral round the corner of the four regions, and blows them outwards.
 fn rain(world: &mut World) -> Result<(), dcd::Error> {
     for i in 0..420_u16 {
         let (turn, out) = (f32::from(i) * 2.399_963, 0.56 * f32::from(i).sqrt());

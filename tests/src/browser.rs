@@ -1,4 +1,5 @@
-//! Drives a headless Chromium by the DevTools protocol: opens pages, evaluates expressions in them, takes pictures.
+//! Drives a headless Chromium through the DevTools protocol: opens pages, evaluates expressions in them,
+//! takes pictures.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
@@ -10,9 +11,9 @@ use tungstenite::{Message, WebSocket};
 
 use crate::socket;
 
-/// Names under which systems have it.
+/// The names under which systems install the browser.
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
-/// Draws in software, wherever it runs, and looks for nothing on the network.
+/// Flags that make it draw in software on every machine, and look for nothing on the network.
 const FLAGS: [&str; 10] = [
     "--headless",
     "--no-sandbox",
@@ -26,7 +27,7 @@ const FLAGS: [&str; 10] = [
     "--remote-debugging-port=0",
 ];
 
-/// A browser with one page; dropping it ends it.
+/// A browser with one page. Dropping it ends the browser.
 pub struct Browser {
     child: Child,
     socket: WebSocket<TcpStream>,
@@ -36,7 +37,8 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Starts the browser of this machine with a window of this size, in CSS pixels; `None` if there is none.
+    /// Starts this machine's browser with a window of this size, in CSS pixels. Returns `None` if there is no
+    /// browser.
     pub fn start(width: u32, height: u32) -> Option<Self> {
         let profile = tempfile::tempdir().expect("a folder for the browser");
         let start = |name| {
@@ -51,7 +53,7 @@ impl Browser {
             .by_ref()
             .find_map(|line| Some(line.split_once("DevTools listening on ws://")?.1.to_owned()))
             .expect("the browser says where it listens");
-        // It is not to wait for somebody who reads what else it says.
+        // Reads the browser's other output, so that the browser never blocks on a full pipe.
         std::thread::spawn(move || said.for_each(drop));
         let (host, path) = address.split_once('/').expect("an address has a path");
         let socket = socket::open(host, &format!("/{path}"), host, None).expect("it is a WebSocket");
@@ -63,20 +65,20 @@ impl Browser {
         Some(browser)
     }
 
-    /// Sets the size of the window in CSS pixels, and how many pixels one of these is.
+    /// Sets the size of the window in CSS pixels, and the number of device pixels per CSS pixel.
     pub fn resize(&mut self, width: u32, height: u32, scale: f64) {
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": false });
         self.call("Emulation.setDeviceMetricsOverride", &size);
     }
 
-    /// Opens a page as for people who prefer this colour scheme, `light` or `dark`.
+    /// Opens a page with this preferred colour scheme, `light` or `dark`.
     pub fn open(&mut self, url: &str, scheme: &str) {
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         self.call("Emulation.setEmulatedMedia", &json!({ "features": features }));
         self.call("Page.navigate", &json!({ "url": url }));
     }
 
-    /// Evaluates an expression in the page, and waits for the promise if it is one.
+    /// Evaluates an expression in the page. If the result is a promise, waits for it.
     pub fn eval(&mut self, expression: &str) -> Value {
         let how = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
         let result = self.call("Runtime.evaluate", &how);
@@ -84,7 +86,8 @@ impl Browser {
         result["result"]["value"].clone()
     }
 
-    /// Waits until a condition holds in the page, which it looks at with each picture that it draws; panics after 20 seconds.
+    /// Waits until a condition holds in the page, which checks it in each animation frame. Panics after 20
+    /// seconds.
     pub fn until(&mut self, condition: &str) {
         let wait = format!(
             "new Promise((done) => {{ const end = Date.now() + 20000; const look = () => {{ let holds = false; \
@@ -99,7 +102,7 @@ impl Browser {
         }
     }
 
-    /// Presses a key, as a person would.
+    /// Presses a key as a person would.
     pub fn press(&mut self, key: &str) {
         for kind in ["rawKeyDown", "keyUp"] {
             self.call("Input.dispatchKeyEvent", &json!({ "type": kind, "key": key }));
@@ -120,7 +123,7 @@ impl Browser {
         data_encoding::BASE64.decode(text(&picture["data"]).as_bytes()).expect("a picture in base 64")
     }
 
-    /// Takes a picture, and keeps it as a file.
+    /// Takes a picture and writes it to a file.
     pub fn keep_picture(&mut self, path: &Path) -> Vec<u8> {
         let picture = self.picture();
         std::fs::write(path, &picture).expect("the picture can be kept");

@@ -1,4 +1,5 @@
-//! Plays own avatars of each kind through a course, as a player does: what is asked in a frame, and what is shown in it.
+//! Plays own avatars of each kind through a course, as a player does: sends the inputs of each frame, and
+//! records what is shown in it.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -9,27 +10,27 @@ use dcd::{Drive, ViewTime};
 
 use crate::stage::{PATIENCE, Stage};
 
-/// The time of a frame.
+/// The duration of a frame.
 const FRAME: Duration = Duration::from_micros(16_667);
 
-/// What a player does, with which avatar.
+/// A kind of avatar, and what its player does with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
-    /// A kinematic box pushes over a stack of ten boxes.
+    /// A kinematic box that pushes over a stack of ten boxes.
     Pusher,
-    /// A ball with a velocity of its own now and then, among boxes that it knocks about, and past a bar that turns.
+    /// A ball that is given a velocity now and then. It knocks boxes about and passes a turning bar.
     Ball,
-    /// A character walks over steps, jumps, and pushes boxes.
+    /// A character that walks over steps, jumps, and pushes boxes.
     Walker,
-    /// A car drives through boxes and over bumps.
+    /// A car that drives through boxes and over bumps.
     Driver,
 }
 
 impl Course {
-    /// All of them.
+    /// All courses.
     pub const ALL: [Self; 4] = [Self::Pusher, Self::Ball, Self::Walker, Self::Driver];
 
-    /// Returns what it is called.
+    /// Returns the name of the course.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pusher => "pusher",
@@ -39,7 +40,7 @@ impl Course {
         }
     }
 
-    /// Returns its world, with so many more boxes that lie about.
+    /// Returns the world of the course, with this many additional boxes that lie about.
     pub fn world(self, others: u32) -> World {
         let mut world = World::new(WorldConfig::default()).unwrap();
         let mut block = |at: [f32; 3], half: [f32; 3]| {
@@ -109,13 +110,13 @@ impl Course {
         .unwrap()
     }
 
-    /// Asks of an avatar what its player asks in this frame.
+    /// Sends the avatar the inputs of this frame.
     fn ask(self, client: &mut World, avatar: BodyId, frame: u32) {
         let go = |client: &mut World, v: [f32; 3]| client.set_velocity(avatar, Velocity::linear(v)).unwrap();
         let turn = frame / 45;
         match self {
             Self::Pusher => go(client, [[0.0, 2.0, 2.0, 2.0, -1.0, 1.5][turn as usize % 6], 0.0, 0.0]),
-            // Kicked five times per three seconds.
+            // Kicked four times per three seconds.
             Self::Ball if frame % 45 == 30 => {
                 let (x, z) = [(5.0, 0.0), (3.0, 3.0), (-4.0, 1.0), (4.0, -4.0)][turn as usize % 4];
                 go(client, [x, 1.0, z]);
@@ -134,23 +135,24 @@ impl Course {
     }
 }
 
-/// What is shown in a frame.
+/// What a client shows in a frame.
 pub struct Scene {
-    /// The ticks that it shows.
+    /// The ticks that the frame shows.
     pub time: ViewTime,
-    /// Where the movable bodies are shown, and how fast.
+    /// The shown poses and velocities of the movable bodies.
     pub bodies: BTreeMap<BodyId, (WorldPose, Velocity)>,
-    /// The wall time of its predictions.
+    /// The wall time that the frame's predictions took.
     pub predicting: Duration,
 }
 
-/// A course that was played.
+/// A played course.
 pub struct Played {
-    /// Of whom.
+    /// The player's avatar.
     pub avatar: BodyId,
-    /// Frame by frame.
+    /// What was shown, frame by frame.
     pub frames: Vec<Scene>,
-    /// What was predicted; its largest correction may be of the moments before.
+    /// The counters of the prediction while the course was played. The largest correction may come from
+    /// shortly before.
     pub prediction: Prediction,
 }
 
@@ -160,7 +162,8 @@ impl Played {
         self.prediction.corrections as f64 / self.prediction.ticks.max(1) as f64
     }
 
-    /// Returns by how much more than its speed says each body that moves does so from frame to frame, metres: jumps.
+    /// Returns the jumps of all moving bodies: by how many metres more than its velocity allows a body moves
+    /// from one frame to the next.
     pub fn jumps_m(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
         for pair in self.frames.windows(2) {
@@ -174,13 +177,15 @@ impl Played {
     }
 }
 
-/// Returns by how much more than its speed says a body has moved in so many ticks, metres; `None` of one at rest.
+/// Returns by how many metres more than its velocity allows a body has moved in this many ticks; `None` for a
+/// body at rest.
 fn jump_m(
     (from, before): &(WorldPose, Velocity),
     (to, after): &(WorldPose, Velocity),
     ticks: f64,
 ) -> Option<f64> {
-    /// What is slower, and stays nearer, is at rest: shown where it is, it would hide what jumps.
+    /// A body that is slower than this, and stays nearer, is at rest. Counted as exact, resting bodies would
+    /// hide the jumps of others.
     const MOVES_M_S: f64 = 0.01;
     const MOVES_M: f64 = 0.001;
     let norm = |v: [f64; 3]| v.into_iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -190,7 +195,8 @@ fn jump_m(
         return None;
     }
     Some(norm(std::array::from_fn(|i| {
-        // An impact is between the two; what comes near, or goes, is shown faster or slower for a while.
+        // An impact may lie between the two frames. What approaches or leaves is shown faster or slower for a
+        // while.
         let ends = [before, after].map(|v| f64::from(v.linear[i]) * ticks / 60.0);
         let low = ends[0].min(ends[1]).min(0.0) * 1.6;
         let high = ends[0].max(ends[1]).max(0.0) * 1.6;
@@ -198,7 +204,7 @@ fn jump_m(
     })))
 }
 
-/// Plays so many frames of a course.
+/// Plays this many frames of a course.
 pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
     let avatar = course.enter(&mut stage.client);
     let deadline = Instant::now() + PATIENCE;
@@ -212,7 +218,7 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
         stage.wait_ticks(3);
     }
     stage.wait_ticks(60);
-    // It begins to count.
+    // Starts the prediction anew, so that it counts from here.
     stage.client.set_prediction(false).unwrap();
     stage.client.set_prediction(true).unwrap();
     while stage.client.prediction().is_none_or(|prediction| prediction.bodies == 0) {

@@ -15,13 +15,13 @@ use serde_json::{Value, json};
 
 /// How long a cluster may take to elect its first leader.
 const LIMIT: Duration = Duration::from_secs(30);
-/// The password of the user who may do everything.
+/// The password of root, who may do everything.
 const ROOT_PASSWORD: &str = "of root";
 
-/// A running cluster, which ends when dropped.
+/// A running cluster. Dropping it ends the cluster.
 pub struct EtcdCluster {
     members: Vec<Member>,
-    /// What an address of a world has behind it for its clients' files.
+    /// The end of a world's address: the files that a client needs for TLS. Empty without TLS.
     options: String,
     authority: Option<Authority>,
     folder: tempfile::TempDir,
@@ -30,24 +30,25 @@ pub struct EtcdCluster {
 struct Member {
     child: Child,
     client: SocketAddr,
-    /// Where it answers without TLS.
+    /// The address on which the member answers without TLS.
     open: SocketAddr,
 }
 
-/// What a certificate is like.
+/// The kind of a certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Certified {
-    /// It names this machine.
+    /// The certificate names this machine.
     Well,
-    /// It names another one.
+    /// The certificate names another machine.
     Elsewhere,
-    /// Its time is over.
+    /// The certificate has expired.
     Expired,
-    /// It has a common name besides, which etcd's gateway does not take from clients where there are users.
+    /// The certificate names this machine and also has a common name. etcd's gateway refuses such clients
+    /// where there are users.
     Named,
 }
 
-/// Who issues certificates, into a folder.
+/// A certificate authority, which writes its certificates into a folder.
 pub struct Authority {
     folder: PathBuf,
     name: String,
@@ -55,14 +56,14 @@ pub struct Authority {
 }
 
 impl EtcdCluster {
-    /// Starts a cluster that lets everybody in; `None` where there is no etcd.
+    /// Starts a cluster that lets everybody in. Returns `None` where etcd is not installed.
     #[must_use]
     pub fn start(members: usize) -> Option<Self> {
         Self::start_any(&vec![None; members], &[])
     }
 
-    /// Starts one that answers over TLS to those who have a certificate of its authority, and whose members have such certificates.
-    /// `options` go to each member besides.
+    /// Starts a cluster that answers over TLS, to clients with a certificate of its authority. Each member
+    /// has a certificate of the given kind. `options` are passed to each member.
     #[must_use]
     pub fn start_over_tls(members: &[Certified], options: &[&str]) -> Option<Self> {
         let members: Vec<_> = members.iter().copied().map(Some).collect();
@@ -74,7 +75,7 @@ impl EtcdCluster {
             println!("note: etcd is missing (apt-get install etcd-server); not tried");
             return None;
         }
-        // Another process may take a port that was just free.
+        // Another process may take a port that was free a moment ago.
         (0..5).find_map(|_| Self::try_start(members, options)).or_else(|| panic!("etcd does not start"))
     }
 
@@ -126,7 +127,8 @@ impl EtcdCluster {
         Some(cluster)
     }
 
-    /// Where a world of this name is kept in it, with all that it takes to reach it but a user.
+    /// Returns the address of a world of this name in the cluster, with all options that a client needs to
+    /// reach it, except a user.
     #[must_use]
     pub fn place(&self, name: &str) -> String {
         let members: Vec<_> = self.members.iter().map(|member| member.client.to_string()).collect();
@@ -134,37 +136,37 @@ impl EtcdCluster {
         format!("{scheme}://{}/{name}{}", members.join(","), self.options)
     }
 
-    /// What follows there behind the name.
+    /// Returns the options that follow the name in that address.
     #[must_use]
     pub fn options(&self) -> &str {
         &self.options
     }
 
-    /// Issues a certificate of its authority.
+    /// Issues a certificate of the cluster's authority; see [`Authority::issue`].
     #[must_use]
     pub fn issue(&self, name: &str, certified: Certified) -> (PathBuf, PathBuf) {
         self.authority.as_ref().expect("it has TLS").issue(name, certified)
     }
 
-    /// The address of a member, as `host:port`.
+    /// Returns the address of a member, as `host:port`.
     #[must_use]
     pub fn member(&self, member: usize) -> String {
         self.members[member].client.to_string()
     }
 
-    /// The same where it answers without TLS.
+    /// Returns the address at which a member answers without TLS, as `host:port`.
     #[must_use]
     pub fn open_member(&self, member: usize) -> String {
         self.members[member].open.to_string()
     }
 
-    /// A folder that goes with it.
+    /// Returns a folder that is removed with the cluster.
     #[must_use]
     pub fn folder(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Makes a user with this password who may read and write what begins with `prefix`.
+    /// Creates a user with this password who may read and write all keys that begin with `prefix`.
     pub fn add_user(&self, name: &str, password: &str, prefix: &str) {
         self.administer("user/add", &json!({ "name": name, "password": password }));
         let end =
@@ -176,19 +178,19 @@ impl EtcdCluster {
         self.administer("user/grant", &json!({ "user": name, "role": name }));
     }
 
-    /// Lets in users only from now on.
+    /// Turns authentication on: from now on only users are let in.
     pub fn enable_users(&self) {
         self.administer("user/add", &json!({ "name": "root", "password": ROOT_PASSWORD }));
         self.administer("user/grant", &json!({ "user": "root", "role": "root" }));
         self.administer("enable", &json!({}));
     }
 
-    /// Gives a user another password; its tokens are worth nothing any more.
+    /// Changes a user's password, which makes the user's tokens invalid.
     pub fn change_password(&self, name: &str, password: &str) {
         self.administer("user/changepw", &json!({ "name": name, "password": password }));
     }
 
-    /// Asks the first member, as root if it has users.
+    /// Sends an administrative request to the first member, as root if the cluster has users.
     fn administer(&self, what: &str, body: &Value) {
         let root = json!({ "name": "root", "password": ROOT_PASSWORD });
         let token = self.post("authenticate", None, &root).ok().and_then(|answer| {
@@ -208,13 +210,13 @@ impl EtcdCluster {
         if is_done { Ok(body) } else { Err(answer) }
     }
 
-    /// What a crash of a member does.
+    /// Kills a member, as a crash would.
     pub fn kill(&mut self, member: usize) {
         let _ = self.members[member].child.kill();
         let _ = self.members[member].child.wait();
     }
 
-    /// Sends a signal to a member, as `kill` names it.
+    /// Sends a signal to a member, by its name for `kill`.
     pub fn signal(&self, member: usize, name: &str) {
         let id = self.members[member].child.id().to_string();
         assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
@@ -243,7 +245,7 @@ impl Drop for EtcdCluster {
 }
 
 impl Authority {
-    /// Makes one, with its certificate in the folder.
+    /// Creates an authority, and writes its certificate into the folder.
     #[must_use]
     pub fn new(folder: &Path, name: &str) -> Self {
         let mut params = CertificateParams::default();
@@ -258,13 +260,14 @@ impl Authority {
         authority
     }
 
-    /// The file of its certificate.
+    /// Returns the file of the authority's certificate.
     #[must_use]
     pub fn certificate(&self) -> PathBuf {
         self.folder.join(format!("{}.pem", self.name))
     }
 
-    /// Issues a certificate for a client, and returns how an address of a world names that and this authority.
+    /// Issues a certificate for a client, and returns the options by which a world's address names that
+    /// certificate and this authority.
     #[must_use]
     pub fn options(&self, certified: Certified) -> String {
         let (cert, key) = self.issue("client", certified);
@@ -272,7 +275,8 @@ impl Authority {
         format!("?cacert={}&cert={}&key={}", cacert.display(), cert.display(), key.display())
     }
 
-    /// Issues a certificate for a server and client of this name, and returns its file and that of its private key.
+    /// Issues a certificate for a server and client of this name. Returns its file and the file of its
+    /// private key.
     #[must_use]
     pub fn issue(&self, name: &str, certified: Certified) -> (PathBuf, PathBuf) {
         let host = if certified == Certified::Elsewhere { "elsewhere.example" } else { "127.0.0.1" };

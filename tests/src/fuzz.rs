@@ -1,8 +1,9 @@
-//! Feeds every decoder, and every state machine, with bytes that no honest process sends: none may panic, loop for ever, or say
-//! what an honest process would refuse.
+//! Feeds every decoder and every state machine with bytes that no honest process sends. None may panic, loop
+//! for ever, or send what an honest process would refuse.
 //!
-//! Each [`Target`] is one function of bytes. `tests/tests/fuzz.rs` runs all of them for seconds, on seeds and on changes of seeds
-//! that come of one number; `fuzz/` runs each for as long as one likes, by libFuzzer, with the same seeds and the same changes.
+//! Each [`Target`] is one function of bytes. `tests/tests/fuzz.rs` runs all targets for seconds, on seeds and
+//! on mutations of seeds that follow from one number. `fuzz/` runs each target for as long as one likes, by
+//! libFuzzer, with the same seeds and the same mutations.
 
 mod cluster;
 mod decoders;
@@ -16,29 +17,31 @@ mod seeds;
 
 pub use mutation::changed;
 
-/// A part of dcd that takes what others send.
+/// A part of dcd that takes in what other processes send.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// The name of its program in `fuzz/`.
+    /// The name of the target's program in `fuzz/`.
     pub name: &'static str,
-    /// What its bytes are.
+    /// The structure of the target's bytes.
     pub form: Form,
-    /// How many changes of its seeds a quick look tries: they take some seconds. A long one tries as many times more of each target.
+    /// The number of mutated seeds in a quick run, chosen to take some seconds. A long run multiplies the
+    /// number of each target by the same factor.
     pub quick: u64,
-    /// Runs it; panics where it finds a fault.
+    /// Runs the target on one input. Panics where it finds a fault.
     pub run: fn(&[u8]),
     /// Returns inputs as honest processes send them.
     pub seeds: fn() -> Vec<Vec<u8>>,
 }
 
-/// What the bytes of a target are: changes keep to that, for else most would end at the first check.
+/// The structure of a target's bytes. Mutations keep to it, since otherwise most inputs would end at the
+/// first check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// One value.
+    /// A single value.
     Value,
-    /// One text.
+    /// A text.
     Text,
-    /// Events one after the other, each with bytes of its own.
+    /// A sequence of events, each with bytes of its own.
     Script,
 }
 

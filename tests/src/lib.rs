@@ -1,4 +1,4 @@
-//! Holds what tests and benches of several programs share.
+//! Holds what the tests and benches of several programs share.
 
 pub mod browser;
 pub mod course;

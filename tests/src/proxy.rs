@@ -1,8 +1,9 @@
-//! Simulates a bad network between processes of one machine: UDP goes through here and is lost, delayed, overtaken, doubled or cut off.
+//! Simulates a bad network between processes of one machine: UDP packets go through a proxy, which loses,
+//! delays, reorders, duplicates or blocks them.
 //!
-//! A process is told a *front*'s address in place of its peer's. Each sender to a front gets a *flow* with a socket of its own
-//! towards the peer, so that peers see as many addresses as there are senders. What happens to a flow's n-th packet
-//! depends on the seed, the order in which flows began, and n.
+//! A process is given the address of a *front* in place of its peer's. Each sender to a front gets a *flow*
+//! with its own socket towards the peer, so the peer sees as many addresses as there are senders. The fate of
+//! a flow's n-th packet depends on the seed, the order in which flows began, and n.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -16,50 +17,51 @@ use std::time::{Duration, Instant};
 use dcd::sim::Random;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-/// What happens to packets, each way.
+/// The conditions of the network, the same for each direction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Weather {
-    /// This share of packets is lost.
+    /// The share of packets that are lost.
     pub loss: f64,
-    /// Packets take this long,
+    /// The mean delay of packets.
     pub delay: Duration,
-    /// and up to so much more or less, which drifts so that order is kept.
+    /// The largest deviation from `delay`. It drifts slowly enough that packets keep their order.
     pub jitter: Duration,
-    /// This share of packets is overtaken by what is sent in the next [`LATE`].
+    /// The share of packets that are delayed by [`LATE`], so that packets sent within that time overtake
+    /// them.
     pub reorder: f64,
-    /// This share of packets arrives twice.
+    /// The share of packets that arrive twice.
     pub duplicate: f64,
 }
 
-/// By how much those are late that are overtaken.
+/// The additional delay of overtaken packets.
 pub const LATE: Duration = Duration::from_millis(50);
 
-/// What became of packets so far.
+/// The number of packets by their fate so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Came here.
+    /// Packets that reached the proxy.
     pub taken: u64,
-    /// Were sent on, doubles included.
+    /// Packets that were sent on, duplicates included.
     pub passed: u64,
-    /// Were lost by chance.
+    /// Packets that were lost by chance, or because the queue was full.
     pub lost: u64,
-    /// Went where nothing goes.
+    /// Packets that a cut stopped.
     pub cut: u64,
-    /// Were overtaken.
+    /// Packets that were overtaken.
     pub reordered: u64,
-    /// Arrived twice.
+    /// Packets that were duplicated.
     pub doubled: u64,
 }
 
-/// A running proxy; ends when dropped.
+/// A running proxy. Dropping it ends the proxy.
 pub struct Proxy {
     shared: Arc<Mutex<Shared>>,
-    /// Wakes the thread.
+    /// A socket that wakes the proxy's thread.
     bell: UdpSocket,
     thread: Option<JoinHandle<()>>,
 }
 
-/// From whom to whom nothing goes; `None` is anybody.
+/// The sender and the receiver between which nothing passes; `None` stands for anybody.
 type Cut = (Option<SocketAddr>, Option<SocketAddr>);
 
 #[derive(Default)]
@@ -71,11 +73,11 @@ struct Shared {
     over: bool,
 }
 
-/// Most packets on their way; beyond that they are lost, as in any router.
+/// The most packets on their way. Packets beyond that are lost, as in any router.
 const QUEUE: usize = 1 << 16;
 
 impl Proxy {
-    /// One without any front, in clear weather.
+    /// Starts a proxy without fronts, on a perfect network.
     pub fn start(seed: u64) -> Self {
         let (bell, heard) = (loopback(), loopback());
         bell.connect(heard.local_addr().unwrap()).unwrap();
@@ -95,7 +97,7 @@ impl Proxy {
         Self { shared, bell, thread: Some(thread) }
     }
 
-    /// An address that leads to `target`.
+    /// Returns an address that leads to `target`.
     pub fn front(&self, target: SocketAddr) -> SocketAddr {
         let socket = loopback();
         let address = socket.local_addr().unwrap();
@@ -104,13 +106,13 @@ impl Proxy {
         address
     }
 
-    /// From now on.
+    /// Sets the conditions for the packets from now on.
     pub fn set(&self, weather: Weather) {
         self.lock().weather = weather;
     }
 
-    /// From now on nothing goes from one real address to another; `None` is anybody. A process's address is the one that
-    /// it listens on, not its front.
+    /// Blocks all packets from one real address to another from now on; `None` stands for anybody. A
+    /// process's real address is the one that it listens on, not its front.
     pub fn cut(&self, from: Option<SocketAddr>, to: Option<SocketAddr>) {
         self.lock().cuts.push((from, to));
     }
@@ -120,7 +122,7 @@ impl Proxy {
         self.lock().cuts.clear();
     }
 
-    /// Of all flows, both ways.
+    /// Returns the counts of all flows, both ways.
     pub fn traffic(&self) -> Traffic {
         self.lock().traffic
     }
@@ -151,12 +153,12 @@ fn loopback() -> UdpSocket {
     socket
 }
 
-/// A port that nobody has just now, and that nobody gets who asks the system for any: it can be used later on, and again. Those that the
-/// system gives begin at 32,768.
+/// Returns an address with a port that is free now and that the system gives to nobody who asks for any port.
+/// It can be used later, and again. The ports that the system gives begin at 32,768.
 pub fn free_address() -> SocketAddr {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     loop {
-        // Processes that run beside one another begin at different ones.
+        // Processes that run at the same time begin at different ports.
         let step = COUNT.fetch_add(1, Ordering::Relaxed);
         let port = 20_000 + std::process::id().wrapping_mul(61).wrapping_add(step) % 12_000;
         let address = SocketAddr::from(([127, 0, 0, 1], port as u16));
@@ -174,23 +176,23 @@ struct Front {
 struct Flow {
     front: usize,
     source: SocketAddr,
-    /// What the target sees.
+    /// The socket whose address the target sees.
     back: UdpSocket,
-    /// To the target, and back.
+    /// The way to the target, and the way back.
     ways: [Way; 2],
 }
 
 struct Way {
     seed: u64,
     dice: Random,
-    /// Nothing in order is due before.
+    /// The time before which no packet that keeps its order is due.
     last_due: Instant,
 }
 
 const THERE: usize = 0;
 const BACK: usize = 1;
 
-/// A packet on its way: when due, in which order, in which flow and direction.
+/// A packet on its way: when it is due, its number, its flow and direction, and its bytes.
 type Parcel = (Instant, u64, usize, usize, Vec<u8>);
 
 struct Router {
@@ -199,7 +201,7 @@ struct Router {
     seeds: Random,
     fronts: Vec<Front>,
     flows: Vec<Flow>,
-    /// By front and source.
+    /// The flow of each pair of a front and a source.
     known: BTreeMap<(usize, SocketAddr), usize>,
     queue: BinaryHeap<Reverse<Parcel>>,
     number: u64,
@@ -237,7 +239,7 @@ impl Router {
         }
     }
 
-    /// Until something comes or is due.
+    /// Waits until a packet comes or is due.
     fn wait(&self) {
         let fronts = self.fronts.iter().map(|front| &front.socket);
         let backs = self.flows.iter().map(|flow| &flow.back);
@@ -247,7 +249,7 @@ impl Router {
         let left =
             self.queue.peek().map(|Reverse(parcel)| parcel.0.saturating_duration_since(Instant::now()));
         let left = left.map(|left| Timespec::try_from(left).unwrap());
-        // Interrupted or not, the next look finds what there is.
+        // Whether interrupted or not, the next round finds what there is.
         let _ = poll(&mut fds, left.as_ref());
     }
 
@@ -263,7 +265,7 @@ impl Router {
         })
     }
 
-    /// Decides what becomes of a packet.
+    /// Decides the fate of a packet.
     fn take(&mut self, shared: &mut Shared, flow: usize, way: usize, bytes: &[u8]) {
         shared.traffic.taken += 1;
         let weather = shared.weather;
@@ -271,7 +273,8 @@ impl Router {
         let now = Instant::now();
         let way_index = way;
         let way = &mut self.flows[flow].ways[way];
-        // All dice are thrown for every packet, so that one share does not change what another falls on.
+        // All random numbers are drawn for every packet, so that one share does not change which packets
+        // another hits.
         let [lost, reordered, doubled] =
             [weather.loss, weather.reorder, weather.duplicate].map(|share| way.dice.unit() < share);
         if is_cut(shared, ends) {
@@ -297,7 +300,7 @@ impl Router {
         }
     }
 
-    /// Sends on what is due.
+    /// Sends on the packets that are due.
     fn pass(&mut self, shared: &mut Shared) {
         while self.queue.peek().is_some_and(|Reverse(parcel)| parcel.0 <= Instant::now()) {
             let Some(Reverse((_, _, flow, way, bytes))) = self.queue.pop() else { return };
@@ -307,7 +310,7 @@ impl Router {
             }
             let Flow { front, source, back, .. } = &self.flows[flow];
             let front = &self.fronts[*front];
-            // A peer that is gone answers with an error, as no network would.
+            // If the peer is gone, its system answers with an error, unlike a network. The error is ignored.
             let _ = if way == THERE {
                 back.send_to(&bytes, front.target)
             } else {
@@ -317,7 +320,7 @@ impl Router {
         }
     }
 
-    /// From whom and to whom a flow's packets go in truth.
+    /// Returns the real sender and receiver of a flow's packets.
     fn ends(&self, flow: usize, way: usize) -> (SocketAddr, SocketAddr) {
         let flow = &self.flows[flow];
         let target = self.fronts[flow.front].target;
@@ -325,7 +328,7 @@ impl Router {
     }
 }
 
-/// The next packet; a former one that nobody took is no error of this one.
+/// Returns the next packet. An error that an earlier packet caused is skipped.
 fn received(socket: &UdpSocket, buffer: &mut [u8]) -> std::io::Result<(usize, SocketAddr)> {
     loop {
         match socket.recv_from(buffer) {
@@ -340,7 +343,8 @@ fn is_cut(shared: &Shared, (from, to): (SocketAddr, SocketAddr)) -> bool {
     shared.cuts.iter().any(|&(source, target)| is(source, from) && is(target, to))
 }
 
-/// Straight lines from one random delay to the next, not steeper than time itself: who is sent later arrives later.
+/// Returns the delay at a time. It goes in straight lines from one random delay to the next, never steeper
+/// than time itself, so that packets sent later arrive later.
 fn delay(weather: Weather, seed: u64, since: Duration) -> Duration {
     let step_s = weather.jitter.as_secs_f64().max(0.01) * 2.0;
     let steps = since.as_secs_f64() / step_s;

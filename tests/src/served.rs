@@ -6,16 +6,16 @@ use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
 use dcd::protocol::Pace;
 
-/// Nothing here takes nearly as long, even on a busy machine.
+/// A limit that nothing here comes near, even on a busy machine.
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// A served world with all who take part in it.
+/// A served world with all its processes.
 pub struct Served {
-    /// A client.
+    /// The client's world.
     pub client: World,
-    /// Two nodes.
+    /// The worlds of the two nodes.
     pub nodes: Vec<World>,
-    /// The server.
+    /// The server's world.
     pub server: World,
     _data: tempfile::TempDir,
 }
@@ -31,7 +31,7 @@ impl Served {
         Self { client, nodes, server, _data: data }
     }
 
-    /// Steps client and server until the client sees that it is so.
+    /// Steps client and server until a condition holds at the client.
     pub fn until(&mut self, what: &str, mut is_so: impl FnMut(&World) -> bool) {
         let deadline = Instant::now() + LIMIT;
         while !is_so(&self.client) {
@@ -43,7 +43,7 @@ impl Served {
     }
 }
 
-/// Returns the configuration to join with, by a new token.
+/// Returns the configuration to join with, with a new token.
 pub fn join(server: &World, role: JoinRole) -> JoinConfig {
     JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
 }

@@ -7,10 +7,10 @@ use std::time::Duration;
 use tungstenite::WebSocket;
 use tungstenite::protocol::{Role, WebSocketConfig};
 
-/// Nothing here takes nearly as long, even on a busy machine.
+/// A limit that nothing here comes near, even on a busy machine.
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// Sends the head of a request; returns the stream, the status and headers of the answer, and what came after them.
+/// Sends the head of a request. Returns the stream, the head of the answer, and the bytes that came after it.
 pub fn request(address: &str, head: &str) -> io::Result<(TcpStream, String, Vec<u8>)> {
     let mut stream = TcpStream::connect(address)?;
     stream.set_read_timeout(Some(LIMIT))?;
@@ -30,7 +30,8 @@ pub fn request(address: &str, head: &str) -> io::Result<(TcpStream, String, Vec<
     }
 }
 
-/// Opens a WebSocket as a page of this origin does, or a program if there is none; or returns the answer that refuses it.
+/// Opens a WebSocket with this origin, as a page does, or without one, as a program does. Returns the
+/// server's answer if it refuses.
 pub fn open(
     address: &str,
     path: &str,

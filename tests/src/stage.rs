@@ -1,4 +1,4 @@
-//! Serves a world by one node, and has a client see it through a bad network.
+//! Serves a world that one node computes, and has a client see it through a bad network.
 
 use std::time::{Duration, Instant};
 
@@ -9,16 +9,16 @@ use dcd::prelude::*;
 use crate::proxy::{Proxy, Weather, free_address};
 use crate::truth::{Frame, Seen};
 
-/// How long is waited for what must come.
+/// How long to wait for what must come.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A world served by one node, and a client that hears of it through a proxy.
+/// A served world that one node computes, and a client that hears of it through a proxy.
 pub struct Stage {
-    /// What the client sees.
+    /// The client's world.
     pub client: World,
-    /// What serves the world.
+    /// The server's world.
     pub server: World,
-    /// What computes it.
+    /// The node's world.
     pub node: World,
     /// The network between the client and the node.
     pub proxy: Proxy,
@@ -42,7 +42,7 @@ impl Stage {
         Self { client, server, node, proxy, local, _data: data }
     }
 
-    /// Waits until the client has heard of so many ticks.
+    /// Waits until the client has heard of this many ticks.
     pub fn wait_ticks(&mut self, ticks: u64) {
         let (first, deadline) = (self.client.tick().0, Instant::now() + PATIENCE);
         while self.client.tick().0 < first + ticks {
@@ -53,7 +53,7 @@ impl Stage {
         }
     }
 
-    /// Shows so many frames, one per 16 ms.
+    /// Shows this many frames, one per 16 ms.
     pub fn show(&mut self, count: usize) -> Vec<Frame> {
         let mut next = Instant::now();
         (0..count)
@@ -78,7 +78,7 @@ impl Stage {
     }
 }
 
-/// Returns a network with this delay and jitter each way, milliseconds, that loses this share of its packets.
+/// Returns a network with this delay and jitter each way, milliseconds, and this share of lost packets.
 pub fn ms(delay: u64, jitter: u64, loss: f64) -> Weather {
     let ms = Duration::from_millis;
     Weather { delay: ms(delay), jitter: ms(jitter), loss, ..Weather::default() }

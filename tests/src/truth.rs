@@ -1,4 +1,4 @@
-//! Computes a world again that a client saw, and how far off it saw it.
+//! Computes again a world that a client saw, and the errors of what the client saw.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -6,30 +6,30 @@ use std::time::Instant;
 
 use dcd::prelude::*;
 
-/// A body in one frame: as it is shown, and as it was told last.
+/// A body in one frame: its shown pose and its newest pose.
 pub struct Seen {
-    /// Which.
+    /// The id of the body.
     pub id: BodyId,
-    /// Its newest state.
+    /// The pose of the newest state received.
     pub told: WorldPose,
-    /// Where it is shown.
+    /// The pose that is shown.
     pub shown: WorldPose,
 }
 
 /// What a client sees in one frame.
 pub struct Frame {
-    /// When it is drawn.
+    /// The time at which the frame is drawn.
     pub at: Instant,
-    /// The ticks that it shows.
+    /// The ticks that the frame shows.
     pub time: dcd::ViewTime,
     /// The movable bodies.
     pub bodies: Vec<Seen>,
 }
 
-/// A body moves if it is at least so fast, m/s: of others any error is none.
+/// A body moves if it is at least this fast, m/s. Errors of other bodies do not count.
 const MOVES_M_S: f32 = 0.01;
 
-/// Numbers of which quantiles are asked.
+/// Sorted numbers, to read quantiles from.
 pub struct Quantiles(Vec<f64>);
 
 impl From<Vec<f64>> for Quantiles {
@@ -40,14 +40,14 @@ impl From<Vec<f64>> for Quantiles {
 }
 
 impl Quantiles {
-    /// Returns the quantile, 0 to 1; NaN of nothing.
+    /// Returns a quantile, 0 to 1; NaN if there are no numbers.
     pub fn at(&self, quantile: f64) -> f64 {
         let place = (quantile * self.0.len().saturating_sub(1) as f64).round() as usize;
         self.0.get(place).copied().unwrap_or(f64::NAN)
     }
 }
 
-/// The positions of all bodies after each tick that a client saw.
+/// The poses and velocities of all movable bodies after each tick that a client saw.
 pub struct Truth {
     first: u64,
     ticks: Vec<BTreeMap<BodyId, (WorldPose, Velocity)>>,
@@ -83,13 +83,13 @@ impl Truth {
         Some(std::array::from_fn(|i| a.translation[i] + share * (b.translation[i] - a.translation[i])))
     }
 
-    /// Returns the errors of what is shown, against the ticks that it is shown of, and how these errors change from frame to frame;
-    /// metres.
+    /// Returns the errors of the shown poses against the truth at the shown ticks, and how these errors
+    /// change from frame to frame; metres.
     pub fn shown(&self, frames: &[Frame]) -> (Quantiles, Quantiles) {
         self.compare(frames, |frame| frame.time.shown, |seen| seen.shown)
     }
 
-    /// Returns the same of the newest states, against the tick that the world is at.
+    /// Returns the same for the newest states, against the truth at the world's current tick.
     pub fn told(&self, frames: &[Frame]) -> (Quantiles, Quantiles) {
         self.compare(frames, |frame| frame.time.now, |seen| seen.told)
     }

@@ -1,4 +1,4 @@
-//! Tests that regions follow the load, and that what is computed does not depend on where the planes are.
+//! Tests that regions follow the load, and that results do not depend on the positions of the planes.
 
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};
@@ -12,7 +12,7 @@ fn scene(name: &str, params: &[&str]) -> Scene {
     Scene::named(name, &Params::from_args(&params).unwrap()).unwrap()
 }
 
-/// A flat world with one plane across x.
+/// Returns a flat world with one plane across x.
 fn cut_at(at: f64) -> LocalWorld {
     coupled(at, Coupling::default())
 }
@@ -38,7 +38,7 @@ fn owned(world: &LocalWorld) -> Vec<usize> {
     counts
 }
 
-/// People as balls who walk along x at 4 m/s, each with a little of their own.
+/// Returns a crowd: balls that walk along x at 4 m/s, each with a small velocity of its own.
 fn crowd(count: u32, threads: usize) -> LocalWorld {
     let config = WorldConfig {
         bounds: Bounds::new([0.0, -2.0, -10.0], [400.0, 6.0, 10.0]),
@@ -100,7 +100,7 @@ fn a_plane_that_sweeps_through_towers_leaves_them_standing() {
     }
     let before: Vec<_> = tops.iter().map(|&id| world.pose(id).unwrap().translation).collect();
     for tick in 0..1800 {
-        // To and fro at 2.4 m/s, and faster.
+        // To and fro at up to 2.4 m/s, later at up to 9.6 m/s.
         let at = 12.0 * (f64::from(tick) * 0.2 / 60.0 * if tick < 900 { 1.0 } else { 4.0 }).sin();
         world.move_plane(RegionId(0), at).unwrap();
         world.step().unwrap();
@@ -208,7 +208,7 @@ fn a_body_meets_what_slept_when_the_plane_came_to_it() {
         assert!(world.body(target).unwrap().is_sleeping());
         world.move_plane(RegionId(0), 0.6).unwrap();
         (0..150).for_each(|_| world.step().unwrap());
-        // `owner` and `proxy` lose nothing by handing it over in its sleep.
+        // Under `owner` and `proxy` nothing is lost when a sleeping body changes owner.
         let stays = !matches!(coupling, Coupling::Owner | Coupling::Proxy);
         assert_eq!(world.owner_of(hitter) != world.owner_of(target), stays, "{coupling:?}");
         world.set_velocity(hitter, Velocity { linear: [12.0, 0.0, 0.0], ..Default::default() }).unwrap();
@@ -265,8 +265,8 @@ fn a_convoy_keeps_its_four_regions_busy_along_the_road() {
     assert!(heights.fold(f64::INFINITY, f64::min) > 0.3, "none has sunk");
 }
 
-/// How far the highest box of a tower has sunk and strayed after so many ticks of a plane across y that goes up and down
-/// through it at 2 m/s; without a plane in one bare Rapier world.
+/// Returns the distance of a tower's highest box from its place after 900 ticks. A plane across y moves up
+/// and down through the tower at up to 2 m/s; without a plane the tower stands in one bare Rapier world.
 fn swept_tower(load_kg: f32, plane: bool, coupling: Coupling) -> f64 {
     let mut scene = Scene::empty("tower");
     let floor = ColliderBuilder::ball(1.0).friction(0.7);
@@ -321,7 +321,7 @@ fn regions_may_follow_measured_times() {
     (0..600).for_each(|_| world.step().unwrap());
     let shares = owned(&world);
     assert_eq!(shares.iter().sum::<usize>(), world.stats().bodies);
-    // Where the planes are depends on the machine; that all do something does not.
+    // The positions of the planes depend on the machine, but every region must own bodies.
     assert!(shares.iter().all(|&count| count > 0), "{shares:?}");
 }
 
@@ -374,14 +374,14 @@ fn settings_that_were_read_can_be_given_back_while_regions_follow_the_load() {
     world.set_settings(StepSettings { gravity: [0.0; 3], ..before }).unwrap();
 }
 
-/// Returns Rapier's body.
+/// Returns the Rapier body of this id.
 fn body_of(world: &LocalWorld, id: BodyId) -> &RigidBody {
     let of = |region: &'_ dcd::physics::Region| region.handle_of(id).is_some();
     let region = world.regions().find(|region| of(region)).unwrap();
     &region.physics().bodies[region.handle_of(id).unwrap()]
 }
 
-/// Both regions hold their own; nothing asks for a change.
+/// Returns a world with a floor, cut into two regions at x = 0.
 fn two_regions(balance: Balance) -> LocalWorld {
     let config = WorldConfig {
         bounds: Bounds::around([0.0; 3], [40.0; 3]),

@@ -1,5 +1,5 @@
-//! Tests clients that may build: they change a world that nodes compute as the server's program does, within bounds: real QUIC, nodes
-//! and clients in this process.
+//! Tests clients that may build: within bounds they change a world that nodes compute, as the server's
+//! program does. Uses real QUIC, with nodes and clients in this process.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use dcd::{Axis, BodyChange, Instead, Push, Role, Tick};
 
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// An empty world in two regions.
+/// Serves an empty world in two regions.
 fn serve(config: ServeConfig) -> World {
     let cut =
         WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
@@ -30,7 +30,7 @@ fn connected(server: &World, role: JoinRole) -> World {
     World::connect(&join(server, role)).unwrap()
 }
 
-/// Steps all until it is so.
+/// Steps all worlds until the condition holds.
 fn until(what: &str, worlds: &mut [&mut World], mut is_so: impl FnMut(&[&mut World]) -> bool) {
     let deadline = Instant::now() + LIMIT;
     while !is_so(worlds) {
@@ -82,7 +82,7 @@ fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
         worlds[2].pose(bob).is_some_and(|pose| pose.translation[0] < -1.0)
     });
 
-    // Pushed, put elsewhere, made something else.
+    // It is pushed, moved, and changed.
     builder.push(&Push::impulse(cube, [0.0, 12.0, 0.0])).unwrap();
     until("the cube flies", &mut [&mut server, &mut builder, &mut client], |worlds| y(worlds[2], cube) > 3.0);
     builder.update(cube, |cube| cube.set_gravity_scale(0.0, true)).unwrap();
@@ -97,7 +97,7 @@ fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
     until("the bob falls off", &mut [&mut server, &mut builder, &mut client], |worlds| {
         y(worlds[2], bob) < 1.0 && worlds[0].joints_of(bob).is_empty()
     });
-    // What the server's program made, too.
+    // A builder may also remove what the server's program made.
     builder.remove(post).unwrap();
     builder.remove(cube).unwrap();
     assert!(!builder.contains(post) && !builder.contains(cube));
@@ -106,7 +106,7 @@ fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
     });
     assert!(!builder.changes().iter().any(|change| matches!(change, BodyChange::Refused { .. })));
 
-    // What walks is an avatar, as any client's.
+    // A character is an avatar, as that of any client.
     let (at, capsule) = (WorldPose::at([5.0, 1.5, 5.0]), ColliderBuilder::capsule_y(0.5, 0.3));
     let body = RigidBodyBuilder::kinematic_velocity_based();
     let person = builder.insert_character(at, &Character::default(), body, [capsule]).unwrap();
@@ -124,7 +124,8 @@ fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
     assert!(unsupported.to_string().contains("JoinRole::Builder"), "{unsupported}");
 }
 
-/// What nobody takes is refused where it is said: told to others, it would break the link again and again.
+/// Values that no process accepts are refused at the call: sent to other processes, they would break the link
+/// again and again.
 #[test]
 fn what_cannot_be_is_refused_at_the_call_in_every_role() {
     let folder = tempfile::tempdir().unwrap();
@@ -155,7 +156,7 @@ fn what_cannot_be_is_refused_at_the_call_in_every_role() {
     }
     client.remove(avatar).unwrap();
     assert!(client.remove(avatar).unwrap_err().to_string().contains(&avatar.to_string()));
-    // All are still there, over the links that they had.
+    // All links still hold.
     let tick = client.tick();
     let mut broken = 0;
     until("time goes on", &mut [&mut server, &mut node, &mut client], |worlds| {
@@ -230,7 +231,7 @@ fn a_builder_sees_a_world_that_another_replaced_or_changed_as_it_is() {
     let mut saved = Vec::new();
     server.save(&mut saved).unwrap();
 
-    // Both change it, one after the other: the last word counts, for both.
+    // Both change the same body one after the other, and the last change counts for both.
     let damping = |world: &World| world.record(post).unwrap().traits.linear_damping;
     builder.update(post, |post| post.set_linear_damping(0.25)).unwrap();
     until("it is done", &mut [&mut server, &mut builder], |worlds| damping(worlds[0]) == 0.25);
@@ -251,12 +252,12 @@ fn a_builder_sees_a_world_that_another_replaced_or_changed_as_it_is() {
     until("it builds on", &mut [&mut builder, &mut client], |worlds| worlds[1].contains(new));
 }
 
-/// Joins without what keeps a client from asking.
+/// Joins without the checks that keep a client from asking for what it may not.
 fn hostile(server: &World, role: JoinRole) -> ClientWorld {
     ClientWorld::connect(&join(server, role)).unwrap()
 }
 
-/// Waits for a refusal, or the end of the link.
+/// Waits for a refusal, or for the end of the link.
 fn refusal(client: &ClientWorld) -> Result<Refusal, String> {
     let deadline = Instant::now() + LIMIT;
     loop {
@@ -269,7 +270,7 @@ fn refusal(client: &ClientWorld) -> Result<Refusal, String> {
     }
 }
 
-/// Asks until it is cut off.
+/// Sends requests until the server cuts the link.
 fn flood(client: &ClientWorld, ops: &[BuildOp]) -> String {
     let deadline = Instant::now() + LIMIT;
     while Instant::now() < deadline {
@@ -305,7 +306,8 @@ fn who_may_not_build_and_who_floods_is_cut_off_and_others_play_on() {
     let builder = hostile(&server, JoinRole::Builder);
     let push = BuildOp::Push(Push::impulse(kept, [1.0; 3]));
     let flooded = std::thread::spawn(move || flood(&builder, &vec![push; 500]));
-    // As another is told: of the world's pace a third is left, while it lasts and until 60 ticks have come.
+    // Another client still sees at least a third of the world's pace, during the flood and until 60 ticks
+    // have come.
     let began = honest.tick().0;
     let start = Instant::now();
     let mut lasted = Duration::ZERO;

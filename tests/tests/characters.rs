@@ -1,5 +1,5 @@
-//! Tests characters, which walk by themselves where they are computed: in one region, over borders, in every coupling, and over
-//! the network.
+//! Tests characters, which walk by themselves where they are computed: in one region, over borders, with
+//! every coupling, and over the network.
 
 use std::time::Instant;
 
@@ -10,10 +10,12 @@ use dcd_tests::served::{Served, join};
 
 const G: f32 = 9.81;
 
-/// Half a capsule's height and the gap below it, metres: how high a character's origin is above what it stands on.
+/// Half the height of the capsule and the gap below it, metres: the height of a character's origin above what
+/// it stands on.
 const STANDS_M: f64 = 0.8 + 0.02;
 
-/// A world with a floor, whole or with a border at x = 0 and one at z = 2, which nothing here is symmetrical to.
+/// Returns a world with a floor: whole, or with borders at x = 0 and z = 2, to which nothing here is
+/// symmetrical.
 fn world(cuts: usize, coupling: Coupling) -> World {
     let cuts = [(Axis::X, 0.0), (Axis::Z, 2.0)][..cuts].to_vec();
     let partitioning = Partitioning::Cuts(cuts);
@@ -53,7 +55,7 @@ fn place(world: &World, id: BodyId) -> [f64; 3] {
     world.pose(id).unwrap().translation
 }
 
-/// One region, and four by every coupling.
+/// Returns the world in one region, and in four with every coupling.
 fn worlds() -> impl Iterator<Item = (String, World)> {
     let couplings = [Coupling::Auto, Coupling::Overlap, Coupling::Owner, Coupling::Proxy];
     let cut = couplings.into_iter().map(|coupling| (format!("{coupling:?}"), world(2, coupling)));
@@ -77,7 +79,7 @@ fn it_walks_over_borders_and_stops_at_walls() {
             "{name}: {x} {y} {z}"
         );
         assert!(world.velocity(id).unwrap().linear[0].abs() < 0.05, "{name}: it moves as it can");
-        // Aslant it slides along the wall.
+        // Walking obliquely, it slides along the wall.
         go(&mut world, id, [2.0, 0.0, 2.0]);
         run(&mut world, 120);
         let [x, _, z] = place(&world, id);
@@ -90,7 +92,7 @@ fn it_walks_over_borders_and_stops_at_walls() {
 #[test]
 fn it_climbs_steps_and_slopes_as_far_as_it_can() {
     for (name, mut world) in worlds() {
-        // A stair of steps of 0.25 m across the border, one block of 0.5 m, a ramp of 30° and one of 60°.
+        // A stair with steps of 0.25 m across the border, a block of 0.5 m, a ramp of 30° and one of 60°.
         for step in 0..4 {
             let y = 0.125 * f64::from(step + 1);
             block(&mut world, [0.2 + 0.5 * f64::from(step), y, 0.3], [0.25, y as f32, 1.0]);
@@ -125,7 +127,7 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
 fn it_falls_and_jumps_by_gravity() {
     for (name, mut world) in worlds() {
         let id = walker(&mut world, [-0.4, 5.0, 0.3]);
-        // One tick to look around.
+        // Half a second, and the first tick, in which it looks around.
         run(&mut world, 31);
         let fallen = 5.0 - place(&world, id)[1];
         let expected = f64::from(0.5 * G * 0.5 * 0.5);
@@ -146,7 +148,7 @@ fn it_falls_and_jumps_by_gravity() {
         let expected = f64::from(5.0 * 5.0 / (2.0 * G));
         assert!((highest - expected).abs() < 0.1, "{name}: {highest} m, {expected} by gravity");
         assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06, "{name}: it is down again");
-        // Under a ceiling the jump ends there, and it falls at once.
+        // Under a ceiling the jump ends early, and it falls at once.
         let [x, _, z] = place(&world, id);
         block(&mut world, [x, 2.5, z], [2.0, 0.5, 2.0]);
         go(&mut world, id, [0.0, 5.0, 0.0]);
@@ -172,12 +174,13 @@ fn without_gravity_it_flies_as_it_wants_and_collides() {
     assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06);
 }
 
-/// How fast a box of 40 kg is that a character of 80 kg walks into at 2 m/s, on ice.
+/// Returns the speed of a box of 40 kg on ice after a character of 80 kg walked into it at 2 m/s, and the
+/// character's x.
 fn pushed(world: &mut World, character: Character) -> (f32, f64) {
     let ice = ColliderBuilder::cuboid(0.5, 0.5, 0.5)
         .friction(0.0)
         .friction_combine_rule(CoefficientCombineRule::Min);
-    // It lies on both sides of the border, and is owned beyond it.
+    // It lies across the border, and the region beyond owns it.
     let at = WorldPose::at([0.3, 0.5, 0.3]);
     let ball = world.insert_at(at, RigidBodyBuilder::dynamic(), [ice.mass(40.0)]).unwrap();
     let id = walker_as(world, [-1.5, 1.0, 0.3], character);
@@ -189,7 +192,7 @@ fn pushed(world: &mut World, character: Character) -> (f32, f64) {
 
 #[test]
 fn it_pushes_by_its_mass_wherever_the_body_is_owned() {
-    // A kinematic ghost, as `proxy` has them, is a wall to the character's region.
+    // Under `proxy` the ghost is kinematic, which is a wall for the character's region.
     for (name, mut world) in worlds().filter(|(name, _)| name != "Proxy") {
         let (faster, _) = pushed(&mut world, Character::default());
         assert!((1.7..2.2).contains(&faster), "{name}: it ends as fast as what pushes it, {faster}");
@@ -205,7 +208,7 @@ fn it_pushes_by_its_mass_wherever_the_body_is_owned() {
 #[test]
 fn it_weighs_on_what_it_stands_on() {
     for (name, mut world) in worlds().filter(|(name, _)| name != "Proxy") {
-        // A plank on a post, with a weight at one end; the character steps on the other.
+        // A plank on a post, with a weight at one end. The character steps on the other end.
         block(&mut world, [0.2, 0.4, 0.3], [0.1, 0.4, 0.5]);
         let plank = ColliderBuilder::cuboid(2.0, 0.05, 0.5).mass(20.0);
         let weight =
@@ -248,7 +251,7 @@ fn it_is_lifted_and_shoved_and_not_passed_through() {
         let deck = ColliderBuilder::cuboid(1.0, 0.25, 1.0);
         let lift = world.insert_at(WorldPose::at([0.2, 0.25, 0.3]), lift, [deck]).unwrap();
         let rider = walker(&mut world, [0.1, 0.5 + STANDS_M, 0.3]);
-        // A wall that comes along at 1 m/s, through the border, to one that stands there.
+        // A wall moves at 1 m/s, through the border, towards a character that stands there.
         let door = kinematic(Vector::new(1.0, 0.0, 0.0));
         let wall = ColliderBuilder::cuboid(0.1, 1.5, 1.0);
         let door = world.insert_at(WorldPose::at([-1.5, 1.5, -4.0]), door, [wall]).unwrap();
@@ -261,7 +264,7 @@ fn it_is_lifted_and_shoved_and_not_passed_through() {
     }
 }
 
-/// Pseudo-random numbers from 0 to 1.
+/// A generator of pseudo-random numbers from 0 to 1.
 struct Dice(u64);
 
 impl Dice {
@@ -351,7 +354,7 @@ fn what_cannot_walk_is_refused() {
     refused(&Character { step_height_m: -1.0, ..usual }, kinematic(), capsule(), "step_height_m");
 }
 
-/// A server of a world with a wall, in two regions on two nodes, and a client.
+/// Serves a world with a wall, in two regions on two nodes, to a client.
 fn served() -> Served {
     let mut local = world(1, Coupling::Auto);
     block(&mut local, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);
@@ -376,12 +379,12 @@ fn a_clients_character_walks_on_the_nodes() {
     let beyond = WorldPose::at([7.0, 1.0, 0.3]);
     let refused = served.client.set_pose(id, beyond).unwrap_err().to_string();
     assert!(refused.contains("characters"), "{refused}");
-    // The program may put it anywhere, and it walks on from there.
+    // The server's program may put it anywhere, and it walks on from there.
     served.server.set_pose(id, WorldPose::at([-2.0, 2.0, 0.3])).unwrap();
     served.until("it is put back", |client| place(client, id)[0] < 0.0);
     go(&mut served.client, id, [3.0, 0.0, 0.0]);
     served.until("it is at the wall again", |client| place(client, id)[0] > 3.6);
-    // A jump, and nothing of it from the air.
+    // A jump, and no second one from the air.
     go(&mut served.client, id, [0.0, 4.0, 0.0]);
     served.until("it has jumped", |client| place(client, id)[1] > STANDS_M + 0.5);
     go(&mut served.client, id, [0.0; 3]);
@@ -391,7 +394,7 @@ fn a_clients_character_walks_on_the_nodes() {
 #[test]
 fn it_walks_on_when_its_nodes_go() {
     let mut served = served();
-    // Of the program, which says only once where to go.
+    // The server's program says only once where the character goes.
     let id = walker(&mut served.server, [-38.0, 1.0, 0.3]);
     go(&mut served.server, id, [2.0, 0.0, 0.0]);
     served.until("it walks", |client| client.contains(id) && place(client, id)[0] > -36.0);
@@ -400,7 +403,7 @@ fn it_walks_on_when_its_nodes_go() {
         served.nodes.push(next);
         let from = place(&served.client, id)[0];
         served.until("it walks while one joins", |client| place(client, id)[0] > from + 2.0);
-        // One of the first two computed it. What a node has at its end is its checkpoint.
+        // One of the first two nodes computed it. A node that ends leaves its checkpoint.
         served.nodes.remove(0);
         let from = place(&served.client, id)[0];
         served.until("it walks on", |client| place(client, id)[0] > from + 4.0);

@@ -1,5 +1,6 @@
-//! Throws groups of bodies of unlike regions at one another, as they are found in games, and looks from outside whether anything went through
-//! anything: at all shapes where they are in the end, not at what regions know of their contacts.
+//! Throws groups of bodies of different regions at one another, as games do, and checks that no body went
+//! through another. It looks at all shapes where they are in the end, not at what regions know of their
+//! contacts.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +12,7 @@ use rapier3d::prelude::*;
 
 const TICKS: usize = 90;
 
-/// Draws numbers, the same for each seed.
+/// A generator of numbers, the same for each seed.
 struct Dice(u64);
 
 impl Dice {
@@ -28,20 +29,20 @@ impl Dice {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Group {
-    /// So many cubes in a block.
+    /// A block of this many cubes.
     Heap(usize),
-    /// Cubes tied one to the next by joints.
+    /// Cubes tied in a row by joints.
     Train(usize),
-    /// Cubes as links of a multibody.
+    /// Cubes that are links of a multibody.
     Robot(usize),
-    /// So many robots of four cubes beside each other, along x.
+    /// This many robots of four cubes beside each other, along x.
     Robots(usize),
-    /// A robot of four cubes at rest.
+    /// A robot of four cubes, at rest.
     SleepingRobot,
     Ball,
-    /// A plate that no contact moves.
+    /// A kinematic plate, which no contact moves.
     Pusher,
-    /// A block at rest.
+    /// A block of this many cubes, at rest.
     Sleepers(usize),
 }
 
@@ -62,8 +63,8 @@ const GROUPS: [Group; 14] = [
     Group::Sleepers(300),
 ];
 
-/// Inserts a group around this place; it moves along x at this speed, or is drawn that way where gravity is along x: multibodies begin
-/// at rest.
+/// Inserts a group around this place. It moves along x at this speed; where gravity is along x, gravity draws
+/// it that way, since multibodies begin at rest.
 fn insert(
     world: &mut LocalWorld,
     tied: &mut BTreeSet<(BodyId, BodyId)>,
@@ -139,7 +140,7 @@ fn insert(
     }
 }
 
-/// Returns how deep the two are in each other that are deepest, of all that are not tied together, metres.
+/// Returns the depth of the deepest overlap of two bodies that are not tied together, metres.
 fn deepest_m(world: &LocalWorld, tied: &BTreeSet<(BodyId, BodyId)>) -> f32 {
     let mut shapes = Vec::new();
     for region in world.regions() {
@@ -171,12 +172,12 @@ fn deepest_m(world: &LocalWorld, tied: &BTreeSet<(BodyId, BodyId)>) -> f32 {
     deepest
 }
 
-/// How two groups are thrown at each other.
+/// Two groups that are thrown at each other, and how.
 #[derive(Clone, Copy, Debug)]
 struct Throw {
     left: Group,
     right: Group,
-    /// Where it is not downwards.
+    /// The gravity; `None` is the default, downwards.
     gravity: Option<[f32; 3]>,
     speed: f32,
     gap: f32,
@@ -193,7 +194,7 @@ impl Throw {
         Self { left, right, gravity, speed, gap, aside: dice.roll(-0.4, 0.4) }
     }
 
-    /// Returns how deep the deepest were in each other at any time.
+    /// Returns the depth of the deepest overlap over all ticks, metres.
     fn deepest_m(self, partitioning: Partitioning) -> f32 {
         let Self { left, right, gravity, speed, gap, aside } = self;
         let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
@@ -222,7 +223,8 @@ impl Throw {
         deepest
     }
 
-    /// Returns a line of how deep the deepest were in one region and in several, and whether that is much more in any of those.
+    /// Returns a line with the deepest overlaps in one region and in several, and whether one in several
+    /// regions is much deeper.
     fn compared(self) -> (String, bool) {
         let alone = self.deepest_m(Partitioning::Regions(1));
         let mut line = format!("{:?} {:?}: {alone:.3} m;", self.left, self.right);
@@ -249,8 +251,8 @@ fn nothing_goes_through_what_another_region_has() {
     }
 }
 
-/// Two regions hold no multibody both, so that all that may touch must be in one: more than two, some of which meet none of the other
-/// region, and one that sleeps.
+/// No two regions can hold the same multibody, so multibodies that may touch must all be in one region: also
+/// more than two of them, of which some touch none of the other region's, and one that sleeps.
 #[test]
 fn multibodies_beside_one_another_and_asleep_are_met() {
     use self::Group::{Robot, Robots, SleepingRobot};
@@ -271,7 +273,8 @@ fn multibodies_beside_one_another_and_asleep_are_met() {
     }
 }
 
-/// Prints all, and how many of them are deeper in each other than in one region: one of these, of a train of 300 and a heap of 400.
+/// Prints all throws, and counts those whose overlap is deeper than in one region. Measured: one, a train of
+/// 300 against a heap of 400.
 #[test]
 #[ignore = "takes minutes"]
 fn three_hundred_clashes() {

@@ -79,7 +79,7 @@ fn the_first_difference_of_two_recordings_is_told() {
     assert!(words.starts_with("they differ from tick 1") && words.contains("in the second"), "{words}");
     let words = said(folder, "diff a.dcdr b.dcdr", 0);
     assert_eq!(words.trim_end(), "alike in all ticks that both have, up to tick 60");
-    // One that was cut off before its first tick is alike with nothing.
+    // A recording cut off before its first tick is not alike with anything.
     let whole = std::fs::read(folder.join("a.dcdr")).unwrap();
     std::fs::write(folder.join("begun.dcdr"), &whole[..200]).unwrap();
     let nothing = dcd(folder, "diff a.dcdr begun.dcdr");
@@ -118,22 +118,22 @@ fn what_cannot_be_replayed_is_said() {
     let damaged = dcd(folder, "replay damaged.dcdr --check");
     assert_eq!(damaged.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&damaged.stderr).contains("is damaged"), "{damaged:?}");
-    // A damaged length is damage, not an end.
+    // A damaged length is reported as damage, not as an end.
     let mut longer = whole.clone();
     longer[13] ^= 4;
     std::fs::write(folder.join("longer.dcdr"), longer).unwrap();
     let longer = dcd(folder, "replay longer.dcdr --check");
     assert!(String::from_utf8_lossy(&longer.stderr).contains("is damaged"), "{longer:?}");
-    // What has no tick proves nothing.
+    // A recording without a tick proves nothing.
     std::fs::write(folder.join("begun.dcdr"), &whole[..200.min(whole.len())]).unwrap();
     assert_ne!(dcd(folder, "replay begun.dcdr --check").status.code(), Some(0));
-    // What cannot be written is said.
+    // A recording that cannot be written is an error.
     if cfg!(target_os = "linux") {
         let full = dcd(folder, "run tower --seconds 0.5 --record /dev/full");
         assert_eq!(full.status.code(), Some(1), "{full:?}");
         assert!(String::from_utf8_lossy(&full.stderr).contains("the recording is not whole"), "{full:?}");
     }
-    // What a crash cut off is missing at the end.
+    // A recording cut off by a crash has no end.
     std::fs::write(folder.join("cut.dcdr"), &whole[..whole.len() - 3]).unwrap();
     let cut = dcd(folder, "replay cut.dcdr --check");
     assert_eq!(cut.status.code(), Some(0), "{cut:?}");

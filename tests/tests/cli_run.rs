@@ -20,7 +20,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
 }
 
-/// The JSON object of a run that must succeed: the last and only line of standard output.
+/// Returns the JSON object of a run that must succeed: the only line of standard output.
 fn json(args: &[&str]) -> Value {
     let output = dcd(&[args, &["--json"]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -29,7 +29,7 @@ fn json(args: &[&str]) -> Value {
     serde_json::from_str(&stdout).unwrap()
 }
 
-/// What a run that must fail says.
+/// Returns the error output of a run that must fail.
 fn error(args: &[&str], code: i32) -> String {
     let output = dcd(args);
     let stderr = text(&output.stderr);
@@ -123,7 +123,7 @@ fn balance_keeps_the_regions_that_bodies_far_apart_need_and_says_where_it_has_no
     assert!(error(&["run", "pile", "--balance"], 2).contains("--balance 1-8"));
     let ranged = folder.path().join("ranged.toml");
     std::fs::write(&ranged, format!("[world]\nbalance = {{ most_regions = 4 }}\n{}", town(0))).unwrap();
-    // Its scene says how many: of one region that may become four there is something to balance.
+    // The scene sets the range: one region that may become four can be balanced.
     json(&["run", ranged.to_str().unwrap(), "--seconds", "0.1", "--balance"]);
 }
 
@@ -303,7 +303,7 @@ fn balance_shares_a_convoy_out_among_its_regions() {
     );
 }
 
-/// `script` gives the process a terminal of its own.
+/// `script` gives the process a terminal.
 #[cfg(target_os = "linux")]
 #[test]
 fn whoever_looks_on_at_a_terminal_sees_the_regions_and_pipes_and_json_do_not() {
@@ -387,7 +387,7 @@ fn files_that_cannot_be_read_or_written_are_named_before_the_run() {
     );
     let said = error(&["run", "nowhere.toml"], 2);
     assert!(said.contains("cannot read scene file nowhere.toml"), "{said}");
-    // A run this long would not come back.
+    // If the error came late, a run this long would never end.
     let out = folder.path().join("no/such/folder.csv");
     let said = error(&["run", "tower", "--seconds", "1e9", "--out", out.to_str().unwrap()], 2);
     assert!(

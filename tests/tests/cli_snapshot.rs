@@ -47,7 +47,7 @@ fn two_seconds_and_two_more_are_four() {
             assert_eq!(second[key], whole[key], "{scene}: {key}");
         }
         assert_eq!((second["lost"].as_u64(), second["doubled"].as_u64()), (Some(0), Some(0)), "{scene}");
-        // The file was written anew, over the one that was gone on with.
+        // The file that the run began from was replaced.
         let last = report(folder, "run half.dcd --seconds 0.1");
         assert_ne!(last["state_hash"], whole["state_hash"], "{scene}");
     }
@@ -117,7 +117,7 @@ fn snapshots_that_are_none_or_cannot_be_are_named_before_the_run() {
         let said = refusal(folder.path(), "run tower --seconds 1e9 --save /dev/null");
         assert!(said.contains("it is a device or a pipe"), "{said}");
     }
-    // A run this long would not come back.
+    // If the error came late, a run this long would never end.
     let said = refusal(folder.path(), "run tower --seconds 1e9 --save no/such.dcd");
     assert!(said.contains("no/such.dcd") && said.contains("give --save a file in a folder"), "{said}");
 }

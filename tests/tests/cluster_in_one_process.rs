@@ -1,4 +1,4 @@
-//! Tests server, nodes and clients with real QUIC over loopback, each on threads of this process.
+//! Tests server, nodes and clients over real QUIC on loopback, each on threads of this process.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -129,7 +129,7 @@ fn a_world_of_this_process_is_served_as_it_is() {
     assert_eq!((summary.state_hash, transfers), (Some(local.state_hash()), local.stats().transfers));
 }
 
-/// What moves in a batch is more than the queue of a link takes; none is silent for long, whatever its number.
+/// A batch of moving bodies exceeds the queue of a link. No body may be silent for long, whatever its number.
 #[test]
 fn a_client_of_thousands_of_moving_bodies_hears_of_each() {
     const BODIES: u32 = 4_000;
@@ -164,11 +164,11 @@ fn a_client_of_thousands_of_moving_bodies_hears_of_each() {
         }
     }
     println!("none was silent for more than {silent} ticks");
-    // A batch every third tick; three take all of them, and some datagrams may be lost.
+    // A batch comes every third tick, and three batches cover all bodies. Some datagrams may be lost.
     assert!(silent <= 30, "one was silent for {silent} ticks");
 }
 
-/// A world that has run already goes on from where its bodies are, and how they move.
+/// A world that has already run goes on with its bodies' poses and velocities.
 #[test]
 fn a_world_that_has_run_goes_on_at_nodes() {
     let scene = Scene::named("terrain", &Params::new().with("n", 60)).unwrap();
@@ -193,7 +193,7 @@ fn a_world_that_has_run_goes_on_at_nodes() {
     assert_eq!((summary.tick, summary.bodies, summary.lost), (Tick(200), 60, 0));
 }
 
-/// Runs a world on nodes and in this process, and compares what came of it and how.
+/// Runs a world on nodes and in this process, and compares the results and the exchanges.
 #[track_caller]
 fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks: u64) -> Stats {
     let (server, _data) = serve_world(scene, config.clone(), nodes, Pace::Unpaced, Some(ticks));
@@ -222,7 +222,8 @@ fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks
     stats
 }
 
-/// Cars drive through districts that nobody looks at, some of which sleep; those of a viewer are computed in full.
+/// Cars drive through districts out of sight, some of which sleep. What the viewpoint sees is computed in
+/// full.
 #[test]
 fn a_served_town_that_is_computed_less_where_nobody_looks_equals_a_local_one() {
     let scene = Scene::named("town", &Params::new().with("n", 900).with("cars", 4)).unwrap();
@@ -235,7 +236,8 @@ fn a_served_town_that_is_computed_less_where_nobody_looks_equals_a_local_one() {
     assert!(report.levels[2] > 8 && report.audits > 0, "{report:?}");
 }
 
-/// The leader has regions stay behind, whoever computes them; that must be in what each node records.
+/// The leader decides which regions stay behind, whichever node computes them. Each node's recording must
+/// contain that.
 #[test]
 fn a_recorded_town_that_was_served_and_computed_less_where_nobody_looks_is_replayed_bit_for_bit() {
     const TICKS: u64 = 240;
@@ -257,15 +259,16 @@ fn a_recorded_town_that_was_served_and_computed_less_where_nobody_looks_is_repla
         late += ticks.filter(|ticks| *ticks > 0).count();
     }
     assert_eq!(replay.mismatch(), None);
-    // The beginning has digests, too.
+    // The initial state has digests, too.
     assert_eq!((replay.ticks(), replay.matches()), (TICKS, 24 * (TICKS + 1)));
     assert!(late > 1_000, "{late}");
 }
 
-/// Where a world is cut.
+/// The planes that cut a world.
 type Planes = Vec<(Axis, f64)>;
 
-/// Boxes on end, balls in a row that touch, a heap: what presses across a border, with the cuts that make it so.
+/// Returns scenes that press across borders, with the cuts and the number of nodes for it: a tower of boxes,
+/// a row of touching balls, a heap.
 fn pressed_borders() -> [(Scene, Planes, usize); 3] {
     let tower = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
     let row = r#"
@@ -329,7 +332,7 @@ fn the_owner_s_word_counts_over_the_network_as_in_one_process() {
 #[test]
 fn rounds_vary_over_the_network_as_in_one_process() {
     borders_equal_a_local_world(Coupling::Auto, 4);
-    // No island is small and nothing is tolerated, so that borders take more and more exchanges.
+    // Without small islands and with little tolerance, borders take more and more exchanges.
     let (scene, cuts, nodes) = pressed_borders().into_iter().next().unwrap();
     let config = WorldConfig::for_scene(&scene);
     let step = StepSettings { island_limit: 0, tolerance_m_s: 1e-4, ..config.step };
@@ -338,7 +341,8 @@ fn rounds_vary_over_the_network_as_in_one_process() {
     assert!(stats.exchanges > 90 && stats.exchanges < 4 * 90, "{} exchanges", stats.exchanges);
 }
 
-/// A world that nobody cuts has a region for each node, as they come and go, without a view change for each.
+/// A world with automatic cuts has one region per node as nodes come and go, without an additional view for
+/// each cut.
 #[test]
 fn every_node_that_comes_gets_a_region_and_what_one_leaves_is_merged() {
     let scene = rain();
@@ -431,7 +435,7 @@ fn a_participant_computes_and_plays_in_one_process() {
     }
     assert!(player.summary().tick.0 > 10 && player.summary().regions == 1);
     player.leave().unwrap();
-    // The world goes on with the node that is left.
+    // The world goes on with the remaining node.
     assert!(server.wait(LIMIT, |summary, _| summary.nodes == 1));
     let before = node.tick();
     assert!(server.wait(LIMIT, |_, _| node.tick().0 > before.0 + 10));
@@ -440,7 +444,7 @@ fn a_participant_computes_and_plays_in_one_process() {
     assert_eq!(node.finish().unwrap().regions, 2);
 }
 
-/// Bodies fall, roll and come to rest on both sides of the border between a node and a participant, and cross it.
+/// Bodies fall, roll, come to rest and cross the border between a node and a participant.
 #[test]
 fn what_a_participant_computes_is_computed_once_more_to_the_same_bits() {
     let scene = rain();
@@ -456,7 +460,7 @@ fn what_a_participant_computes_is_computed_once_more_to_the_same_bits() {
     assert!(player.summary().transfers > 0, "the test needs traffic");
     server.stop().unwrap();
     node.finish().unwrap();
-    // Who said what in which tick is not known then.
+    // With `lag_ticks` it is not known who sent what in which tick. A share above 1 is refused, too.
     let groups = GroupConfig { lag_ticks: 6, ..GroupConfig::default() };
     for wrong in [ServeConfig { groups, ..config.clone() }, ServeConfig { verify: 1.5, ..config }] {
         let error = ServerProcess::start(Origin::Scene(&scene, &world), wrong).err().unwrap().to_string();
@@ -464,7 +468,8 @@ fn what_a_participant_computes_is_computed_once_more_to_the_same_bits() {
     }
 }
 
-/// Members six ticks ahead of one another at most: what they say arrives late everywhere, and nothing is lost on the way.
+/// Members are at most six ticks ahead of one another: all their messages arrive late, and no body is lost on
+/// the way.
 #[test]
 fn members_that_are_not_in_step_lose_and_double_nothing() {
     let scene = rain();
@@ -479,7 +484,7 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
     let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
     assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(400), 0, 0));
     assert!(transfers > 20, "the test needs traffic: {transfers}");
-    // Means cannot be agreed on by those who are not in step.
+    // Members that are not in step cannot agree on means.
     world.step = world.step.with_coupling(Coupling::Overlap);
     let data = tempfile::tempdir().unwrap();
     let config = ServeConfig { pace: Pace::Unpaced, groups, ..ServeConfig::new(data.path().to_owned()) };
@@ -487,7 +492,8 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
     assert!(error.contains("overlap") && error.contains("--coupling owner"), "{error}");
 }
 
-/// Delays that no pair of nodes can keep below make each a group of its own, and each computes the whole world.
+/// A delay threshold that no pair of nodes can meet puts each node in a group of its own, and each computes
+/// the whole world.
 #[test]
 fn nodes_far_from_one_another_compute_the_world_each_and_agree() {
     let scene = Scene::named("pile", &Params::new().with("n", 60)).unwrap();
@@ -526,7 +532,7 @@ fn what_is_wrong_on_entering_is_said() {
     let world = WorldConfig::for_scene(&scene);
     let error = ServerProcess::start(Origin::Scene(&scene, &world), twice).err().unwrap().to_string();
     assert!(error.contains("port") || error.contains("in use"), "{error}");
-    // Without a node there is a world but nobody computes it: the client is told the scene all the same.
+    // Without a node there is a world, but nobody computes it. The client is told the scene all the same.
     let client = connect(&server);
     assert_eq!(client.with_bodies(|body| Some(body.body.id)).len(), scene.bodies.len());
     drop(server);
@@ -589,7 +595,7 @@ fn an_avatar_that_is_sent_to_the_other_end_of_the_world_gets_there_and_all_nodes
         }
     }
     let summary = server.stop().unwrap();
-    // One for each node that came, at most.
+    // At most one view per node that came.
     assert!(summary.views <= 4, "{summary:?}");
     assert_eq!((summary.lost, summary.doubled), (0, 0));
     nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
@@ -603,12 +609,12 @@ fn a_node_that_others_cannot_reach_stops_nobody() {
     let views = server.summary().views;
     let token = server.token(JoinRole::Node, LIMIT).unwrap();
     let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
-    // Nobody listens there.
+    // Nobody listens at this address.
     let nowhere = Some(([127, 0, 0, 1], 9).into());
     let stranger =
         Member::start(MemberConfig { advertise: nowhere, ..MemberConfig::new(server.address, identity) })
             .unwrap();
-    // It computes the world by itself, while the others go on in the membership that they have.
+    // It computes the world by itself, while the others go on with their membership.
     let alone = stranger.who.node().unwrap();
     let begins = std::time::Instant::now();
     while stranger.summary().regions < 4 {
@@ -618,7 +624,7 @@ fn a_node_that_others_cannot_reach_stops_nobody() {
         assert_eq!(server.summary().views, views);
         assert!(server.view().unwrap().members.iter().all(|member| member.node != alone));
     }
-    // Its group is gone with it, and the world is not.
+    // Its group is gone with it, but not the world.
     stranger.leave();
     drop(stranger.finish());
     let (tick, mut fewest) = (server.summary().tick.0, 2);

@@ -23,7 +23,7 @@ fn handles(world: &PhysicsWorld) -> Vec<RigidBodyHandle> {
     world.bodies.iter().map(|(handle, _)| handle).collect()
 }
 
-/// How far each body of the world is from where the bare world has it.
+/// Returns the distance of each body of the world from its place in the bare world.
 fn apart_m(world: &LocalWorld, bare: &PhysicsWorld) -> Vec<f32> {
     let apart = |(index, handle): (usize, RigidBodyHandle)| {
         let pose = world.pose(BodyId::persistent(index as u32)).unwrap();
@@ -35,7 +35,8 @@ fn apart_m(world: &LocalWorld, bare: &PhysicsWorld) -> Vec<f32> {
 
 const HERO: u32 = 1;
 
-/// A floor, a character at x = -6, steps up to x = 0 and down again, and boxes in its way.
+/// Returns a scene with a floor, a character at x = -6, steps up to x = 0 and down again, and boxes in its
+/// way.
 fn stairs() -> Scene {
     let mut scene = Scene::empty("stairs");
     scene.bounds = Bounds::around([0.0; 3], [20.0, 5.0, 5.0]);
@@ -106,10 +107,10 @@ fn a_character_climbs_steps_and_pushes_boxes_over_a_border_as_in_one_world() {
     for coupling in Coupling::ALL {
         for planes in [&[][..], &[-0.5], &[4.5, 5.6], &[-3.0, -1.0, 1.0, 3.0, 4.5, 5.0, 6.5]] {
             let (mut world, mut bare) = (cut_at(&scene, planes, coupling), scene.bare_world());
-            // The bare world's queries see its bodies after a step.
+            // Queries of the bare world see its bodies only after a step.
             bare.step();
             world.step().unwrap();
-            // Boxes that ghosts hold are not pushed as they should be; on the steps alone all are alike.
+            // With `proxy`, pushes on ghosts are wrong. On the steps alone all couplings agree.
             let limit_m = if coupling == Coupling::Proxy { 0.5 } else { 0.06 };
             let (mut highest, mut walked_m) = (0.0f64, 0.0f32);
             for tick in 0..300 {
@@ -118,7 +119,8 @@ fn a_character_climbs_steps_and_pushes_boxes_over_a_border_as_in_one_world() {
                 let pose = world.pose(BodyId::persistent(HERO)).unwrap();
                 highest = highest.max(pose.translation[1]);
                 walked_m = walked_m.max(apart_m(&world, &bare)[HERO as usize]);
-                // What is met at the same moment is met in the order of Rapier's tree, which even one region has otherwise.
+                // Simultaneous hits are met in the order of Rapier's tree, which differs even with one
+                // region.
                 let limit_m = if pose.translation[0] < 3.0 { 1e-4 } else { limit_m };
                 assert!(walked_m <= limit_m, "{coupling:?} {planes:?}: {walked_m} m apart at tick {tick}");
             }
@@ -134,7 +136,7 @@ fn a_character_climbs_steps_and_pushes_boxes_over_a_border_as_in_one_world() {
 
 const CAR: u32 = 1;
 
-/// A road with bumps, and a car.
+/// Returns a scene with a road with bumps, and a car.
 fn road() -> Scene {
     let mut scene = Scene::empty("road");
     scene.bounds = Bounds::around([0.0; 3], [40.0, 5.0, 10.0]);

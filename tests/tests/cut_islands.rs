@@ -1,17 +1,17 @@
-//! Tests islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and
-//! stay there.
+//! Tests islands that stay cut across several regions because no region takes them whole: they come to rest
+//! as in one world, and stay there.
 
 use dcd::physics::{Coupling, Measured, StepSettings};
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId};
 
-/// A thousand bricks in bond, 40 wide and 25 high: one island.
+/// Returns a wall of a thousand bricks in bond, 40 wide and 25 high: one island.
 fn wall() -> Scene {
     Scene::named("wall", &Params::new().with("width", 40).with("height", 25)).unwrap()
 }
 
-/// A world that is cut like this, in which islands of any size are cut.
+/// Returns a world cut like this, in which islands of any size are cut.
 fn cut(scene: &Scene, partitioning: Partitioning, coupling: Coupling, exchanges: usize) -> LocalWorld {
     let config = WorldConfig::for_scene(scene);
     let step = StepSettings { exchanges, island_limit: 0, ..config.step.with_coupling(coupling) };
@@ -32,7 +32,7 @@ fn steps(world: &mut LocalWorld, count: usize) {
     }
 }
 
-/// How far bodies are at most from where they began.
+/// Returns the longest distance of a body from where it began, metres.
 fn moved_m(world: &LocalWorld, scene: &Scene) -> f64 {
     let began = LocalWorld::from_scene(scene, WorldConfig::for_scene(scene)).unwrap();
     let off = |&body: &BodyId| {
@@ -70,7 +70,7 @@ fn a_wall_that_is_cut_falls_asleep_and_moves_no_farther_than_one_world_lets_it()
     }
 }
 
-/// One exchange per tick drops it, and a wall does not need more.
+/// The heavy load falls with one exchange per tick; a wall does not need more.
 #[test]
 fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
     let tower = Scene::named("tower", &Params::new().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
@@ -100,8 +100,8 @@ fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
     assert!(exchanges < ticks * 3 / 2, "{exchanges} exchanges in {ticks} ticks");
 }
 
-/// Of three balls that touch the mass is split, of two it is not: a ball that comes to two others is whole at the wrong moment, now and
-/// then, while all regions that hold it and them solve what follows.
+/// The masses of three touching balls are split, those of two are not. When a ball comes to two others, its
+/// mass is now and then whole at the wrong moment, while all regions that hold the three solve what follows.
 #[test]
 fn balls_that_meet_what_is_cut_get_no_energy_from_that() {
     for seed in [5, 13, 30, 37] {

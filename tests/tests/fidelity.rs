@@ -1,5 +1,5 @@
-//! Tests worlds of which less is computed where nobody looks: nothing is lost, what is looked at is as if all were computed in full,
-//! time neither stands still nor runs twice, and the error is as stated.
+//! Tests worlds that compute less where nobody looks: no body is lost, what is in sight is as if all were
+//! computed in full, time neither stands still nor runs twice, and the error is as stated.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use dcd::scene::SceneBody;
 use dcd::space::{Axis, BodyId};
 use dcd::{Coupling, Fidelity, Viewpoint};
 
-/// All regions but those at the viewpoint come to be stepped in every fourth tick.
+/// All regions except those in sight come to be stepped in every fourth tick.
 const ALL_COARSE: Fidelity = Fidelity::Tolerance { m_s: 1e6 };
 
 fn town(cars: usize) -> Scene {
@@ -21,7 +21,7 @@ fn world(scene: &Scene, fidelity: Fidelity, threads: usize) -> LocalWorld {
     LocalWorld::from_scene(scene, WorldConfig { fidelity, threads, ..WorldConfig::for_scene(scene) }).unwrap()
 }
 
-/// An empty world of so many regions along x, 20 m each.
+/// Returns an empty world of this many regions along x, 20 m each.
 fn row(regions: usize, fidelity: Fidelity, gravity: [f32; 3]) -> LocalWorld {
     row_of(regions, fidelity, gravity, Coupling::Auto)
 }
@@ -49,7 +49,7 @@ fn levels(world: &LocalWorld) -> [usize; 3] {
     world.fidelity_report().unwrap().levels
 }
 
-/// Where a body is by now: where it is known, and how it goes on from there.
+/// Returns the place of a body at the present tick, extrapolated if its region is behind.
 fn now(world: &LocalWorld, id: BodyId) -> [f64; 3] {
     let (region, handle) = world.host().owned(id).unwrap();
     let late_s = f64::from(world.host().behind(region.id())) / 60.0;
@@ -102,7 +102,7 @@ fn what_is_looked_at_is_bit_for_bit_as_if_all_were_computed_in_full() {
     let scene = town(0);
     let view = scene.viewpoints[0];
     let [mut full, mut part] = [ALL_COARSE; 2].map(|fidelity| world(&scene, fidelity, 1));
-    // Looked at from nowhere means from everywhere.
+    // Without viewpoints, everything counts as looked at.
     full.set_viewpoints(&[]).unwrap();
     run(&mut full, 240);
     run(&mut part, 240);
@@ -120,7 +120,7 @@ fn what_is_looked_at_is_bit_for_bit_as_if_all_were_computed_in_full() {
     assert!(seen > 150 && others > 300, "{seen} are seen, {others} of the others differ");
 }
 
-/// The ball that is shot at the wall which is looked at.
+/// Returns the ball that is shot at the wall in sight.
 fn shot(town: &mut Scene) -> (BodyId, &mut SceneBody) {
     let (index, ball) = town.bodies.iter_mut().enumerate().find(|(_, body)| body.body.ccd_enabled).unwrap();
     (BodyId::persistent(index as u32), ball)
@@ -128,7 +128,7 @@ fn shot(town: &mut Scene) -> (BodyId, &mut SceneBody) {
 
 #[test]
 fn what_is_looked_at_is_bit_for_bit_as_without_fidelity_and_loads_overlap_no_deeper() {
-    // The ball of 4,000 kg bears on bricks of a quarter of one: fidelity computes that finer.
+    // The ball of 4,000 kg is supported by bricks of a quarter of its mass: fidelity computes that finer.
     for (ball_kg, is_load) in [(5.0, false), (4_000.0, true)] {
         let mut scene = town(0);
         let view = scene.viewpoints[0];
@@ -197,7 +197,7 @@ fn what_flies_through_regions_of_unlike_rates_keeps_its_time() {
 fn what_meets_at_a_border_of_unlike_rates_collides_as_in_one_world() {
     for speed in [1.0, 8.0, 30.0] {
         let mut world = row(2, ALL_COARSE, [0.0; 3]);
-        // The right region is looked at; the other is not, until what is in it meets what comes.
+        // The right region is in sight. The left one is not, until its ball meets the other one.
         world.set_viewpoints(&[Viewpoint { at: [15.0, 0.0, 0.0], radius_m: 5.0 }]).unwrap();
         let mut ball = |x: f64, speed: f32| {
             let body =
@@ -205,7 +205,7 @@ fn what_meets_at_a_border_of_unlike_rates_collides_as_in_one_world() {
             let shape = ColliderBuilder::ball(0.5).restitution(1.0).friction(0.0);
             world.insert_at(WorldPose::at([x, 0.0, 0.0]), body, [shape]).unwrap()
         };
-        // Where they meet the border is.
+        // They meet at the border.
         let way_m = f64::from(speed) * 2.0 + 0.5;
         let (left, right) = (ball(-way_m.min(19.0), speed), ball(way_m.min(19.0), -speed));
         run(&mut world, 90);
@@ -246,7 +246,8 @@ fn towers_that_nobody_looks_at_stand() {
     }
 }
 
-/// Runs a scene that nobody looks at but from `at`; returns its energy afterwards and the deepest overlap of the last second.
+/// Runs a scene that is seen only from `at`. Returns its energy afterwards, the deepest overlap of the last
+/// second, and the numbers of regions by rate.
 fn far_away(scene: &Scene, at: [f64; 3], fidelity: Fidelity) -> (f64, f64, [usize; 3]) {
     let mut world = world(scene, fidelity, 1);
     world.set_viewpoints(&[Viewpoint { at, radius_m: 10.0 }]).unwrap();
@@ -294,7 +295,7 @@ fn what_a_program_ties_where_nobody_looks_holds() {
     let mut world = row(4, ALL_COARSE, [0.0, -9.81, 0.0]);
     world.set_viewpoints(&[Viewpoint { at: [35.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
     run(&mut world, 70);
-    // At a tick at which regions are behind, over the border at -20 and beside it.
+    // At a tick at which regions are behind: across the border at -20, and away from it.
     for from_m in [-22.0_f64, -8.0] {
         let nail = world
             .insert_at(
@@ -328,7 +329,8 @@ fn what_a_program_ties_where_nobody_looks_holds() {
     assert_eq!(levels(&world)[2], 3);
 }
 
-/// Returns how far a tower under a load of 100:1 sags, and how far a chain with a bob of 1000:1 stretches, metres.
+/// Returns how far a tower sags under a load of 100:1, and how far a chain with a bob of 1000:1 stretches,
+/// metres.
 fn strain(fidelity: Fidelity) -> [f64; 2] {
     let tower =
         Scene::open("tower", &Params::default().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
@@ -355,26 +357,26 @@ fn loads_out_of_proportion_are_computed_finer() {
     }
 }
 
-/// Holds what was shown on a walk through the town.
+/// What was shown on a walk through the town.
 #[derive(Default)]
 struct Walk {
-    /// Where each body in sight was, by tick.
+    /// The place of each body in sight, by tick.
     places: BTreeMap<(u32, BodyId), [f64; 3]>,
-    /// By how far each body went at most beyond where its velocity led in a tick, metres.
+    /// The longest jump of each body: by how many metres it went beyond where its velocity led in a tick.
     jumps_m: BTreeMap<BodyId, f64>,
-    /// The same without the ticks in which it collided.
+    /// The same without the ticks in which the body collided.
     free_jumps_m: BTreeMap<BodyId, f64>,
-    /// Which bodies in sight collided.
+    /// The bodies in sight that collided.
     collided: BTreeSet<BodyId>,
-    /// Which bodies were behind the present for some time.
+    /// The bodies that were behind the present at some time.
     late: BTreeSet<BodyId>,
-    /// How many regions were at the lowest rate, summed over ticks.
+    /// The number of regions at the lowest rate, summed over ticks.
     coarse: usize,
 }
 
-/// Walks at 20 m/s.
+/// Walks through the town at 20 m/s.
 fn walk(scene: &Scene, fidelity: Fidelity) -> Walk {
-    /// What is slowed by more than this, or lies deeper in another, is pushed out of it: it collides.
+    /// A body that is slowed by more than this, or lies deeper in another, is pushed out of it: it collides.
     const SLOWED_M_S: f64 = 0.5;
     const DEEP_M: f64 = 0.002;
     let mut world = world(scene, fidelity, 2);
@@ -422,7 +424,7 @@ fn length(of: [f64; 3]) -> f64 {
     of.map(|v| v * v).iter().sum::<f64>().sqrt()
 }
 
-/// How deep a body lies in another, metres.
+/// Returns how deep a body lies in another, metres.
 fn overlap_m(world: &LocalWorld, id: BodyId) -> f64 {
     let (region, handle) = world.host().owned(id).unwrap();
     let physics = region.physics();
@@ -436,9 +438,9 @@ fn overlap_m(world: &LocalWorld, id: BodyId) -> f64 {
 fn what_comes_into_sight_does_not_jump() {
     const DRIFTING: u8 = 24;
     let mut scene = town(6);
-    // Rapier itself holds up for a tick what was shot and tumbles over the ground.
+    // Rapier itself stops a shot body that tumbles over the ground for a tick.
     shot(&mut scene).1.body.linvel = Vector::ZERO;
-    // Above what stands where nobody looks at first; nothing else moves there without colliding all the time.
+    // Above what is out of sight at first. Everything else that moves there collides all the time.
     let drifting: BTreeSet<_> = (0..DRIFTING)
         .map(|i| {
             let along = f32::from(i) - 0.5 * f32::from(DRIFTING);
@@ -459,7 +461,7 @@ fn what_comes_into_sight_does_not_jump() {
     }
     let (mut in_time, mut calm, mut others) = (0, 0, 0);
     for (id, all_m) in &part.jumps_m {
-        // What was behind and collides does so elsewhere, and otherwise, than at full rate.
+        // A body that was behind and collides does so elsewhere, and otherwise, than at full rate.
         let (jump_m, counted) = match part.late.contains(id) {
             false => (Some(all_m), &mut in_time),
             true if !full.collided.contains(id) => (Some(all_m), &mut calm),
@@ -482,7 +484,7 @@ fn the_stated_error_is_the_true_one() {
     let mut within = Vec::new();
     for (name, key, n) in [("pile", "n", 300), ("ragdolls", "count", 24), ("dve", "n", 400)] {
         let mut scene = Scene::open(name, &Params::default().with(key, n)).unwrap();
-        // Nobody looks at any of it but from an empty region beside it.
+        // Everything is seen only from an empty region beside it.
         let [min, max] = [scene.bounds.min, scene.bounds.max];
         scene.bounds = Bounds::new([min[0] - 200.0, min[1], min[2]], max);
         scene.cuts = vec![(Axis::X, min[0] - 100.0)];
@@ -536,7 +538,7 @@ fn what_cannot_be_is_refused() {
     }
 }
 
-/// Where a point of a body is, in metres.
+/// Returns the place of a point of a body, metres.
 fn point(world: &LocalWorld, id: BodyId, local: Vector) -> [f64; 3] {
     let pose = world.pose(id).unwrap();
     let arm = (Rotation::from_array(pose.rotation) * local).to_array();
@@ -545,7 +547,7 @@ fn point(world: &LocalWorld, id: BodyId, local: Vector) -> [f64; 3] {
 
 #[test]
 fn what_is_tied_over_regions_at_different_times_comes_to_be_one_in_the_same_tick() {
-    // The region of one of them is looked at, or of none.
+    // One of the two bodies' regions is in sight, or neither.
     for (eye_m, rates) in [(15.0, [2, 0, 1]), (28.0, [1, 0, 2])] {
         for phase in 0..4 {
             let mut world = row_of(3, ALL_COARSE, [0.0; 3], Coupling::Overlap);
@@ -556,7 +558,7 @@ fn what_is_tied_over_regions_at_different_times_comes_to_be_one_in_the_same_tick
             });
             run(&mut world, 120 + phase);
             assert_eq!(levels(&world), rates);
-            // They fly apart, and the rope is taut.
+            // They fly apart with a taut rope.
             let (from, to) = (now(&world, left), now(&world, right));
             let half: [f32; 3] = std::array::from_fn(|i| (0.5 * (to[i] - from[i])) as f32);
             let half = Vector::from(half);
@@ -582,7 +584,7 @@ fn a_body_that_is_set_aside_keeps_the_iterations_that_its_user_gave_it() {
         let body = RigidBodyBuilder::dynamic().translation(Vector::Y * y).can_sleep(false);
         world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(mass)).unwrap()
     });
-    // To before the tick in which loads are looked for.
+    // Up to before the tick in which loads are searched for.
     run(&mut world, 48);
     let iterations = |world: &LocalWorld, id| world.body(id).unwrap().additional_solver_iterations();
     assert!(stack.iter().all(|&id| iterations(&world, id) > 0), "the load is computed finer");

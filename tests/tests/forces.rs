@@ -1,10 +1,11 @@
-//! Tests explosions, water, wind and triggers: right by physics, each body once, whatever regions the world is cut into.
+//! Tests explosions, water, wind and triggers: they follow physics and act on each body once, whatever
+//! regions the world is cut into.
 
 use dcd::network::ServeConfig;
 use dcd::prelude::*;
 use dcd::{Axis, Explosion, Fluid, Instead, Push, StepSettings, Unsupported};
 
-/// A world cut at these planes, with a box of 64 m.
+/// Returns a world of 64 m around the origin, cut at these planes.
 fn cut_at(planes: &[(Axis, f64)], coupling: Coupling) -> World {
     let step = StepSettings::default().with_coupling(coupling);
     let partitioning = Partitioning::Cuts(planes.to_vec());
@@ -17,7 +18,7 @@ fn insert(world: &mut World, at: [f64; 3], collider: ColliderBuilder) -> BodyId 
     world.insert_at(WorldPose::at(at), RigidBodyBuilder::dynamic(), [collider]).unwrap()
 }
 
-/// Boxes, balls and capsules about the origin, some on borders, turned as they come.
+/// Inserts boxes, balls and capsules around the origin, some on borders, all turned.
 fn strew(world: &mut World) -> Vec<BodyId> {
     let mut bodies = Vec::new();
     for i in 0..48u32 {
@@ -51,7 +52,7 @@ fn extra_mass_is_there_as_soon_as_its_body_is() {
         let body = RigidBodyBuilder::dynamic().additional_mass(extra_kg).can_sleep(false);
         let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(density);
         let id = world.insert_at(WorldPose::at([2.0, 0.0, 0.0]), body, [cube]).unwrap();
-        // In the other region it is made anew.
+        // In the other region the body is created again.
         for x in [2.0, -2.0] {
             world.set_pose(id, WorldPose::at([x, 0.0, 0.0])).unwrap();
             world.set_velocity(id, Velocity::default()).unwrap();
@@ -120,9 +121,13 @@ fn bodies_that_several_regions_hold_are_pushed_once() {
         let foreseen = world.velocity_after(ball, impulse.into(), turn.into()).unwrap();
         world.push(&Push { angular: turn, ..Push::impulse(ball, impulse) }).unwrap();
         let pushed = world.velocity(ball).unwrap();
-        let pairs = foreseen.linear.iter().zip(&pushed.linear).chain(foreseen.angular.iter().zip(&pushed.angular));
+        let pairs =
+            foreseen.linear.iter().zip(&pushed.linear).chain(foreseen.angular.iter().zip(&pushed.angular));
         for (foreseen, pushed) in pairs {
-            assert!((foreseen - pushed).abs() < 1e-4, "{coupling:?}: {foreseen} foreseen, {pushed} by a push");
+            assert!(
+                (foreseen - pushed).abs() < 1e-4,
+                "{coupling:?}: {foreseen} foreseen, {pushed} by a push"
+            );
         }
     }
 }
@@ -147,7 +152,7 @@ fn an_explosion_is_symmetric_weakens_and_gives_the_light_more_speed() {
         assert!((Vector::from(linear) - Vector::from(exact)).length() < 1e-5, "{at:?}: {linear:?}");
         assert!(Vector::from(angular).length() < 1e-5, "{at:?}: {angular:?}");
     }
-    // Its nearest face is at 5 m, half way down, and it has a quarter of the mass.
+    // Its nearest face is at 5 m, half way down the falloff, and it has a quarter of the mass.
     assert!((world.velocity(beyond).unwrap().linear[0] - 4.0).abs() < 1e-4);
     for still in [far, masked, fixed] {
         assert_eq!(world.velocity(still).unwrap(), Velocity::default());
@@ -173,7 +178,7 @@ fn wind_presses_what_is_slanted_aside_and_what_is_alike_on_all_sides_not() {
         damping_per_s: 0.0,
         ..Fluid::default()
     };
-    // A plate of 2 m by 2 m, turned about z; the second one is its mirror image.
+    // A plate of 2 m by 2 m, turned about z. The second one is its mirror image.
     let mut plate = |at: [f64; 3], angle: f32| {
         let body = RigidBodyBuilder::dynamic().rotation(Vector::Z * angle);
         let rotation = body.clone().build().rotation().to_array();
@@ -186,14 +191,15 @@ fn wind_presses_what_is_slanted_aside_and_what_is_alike_on_all_sides_not() {
     world.flow(&wind).unwrap();
     for (angle, plate) in plates {
         let Velocity { linear, angular } = world.velocity(plate).unwrap();
-        // ½ ρ l A sin v² along the normal, of which cos is across the wind; over 1/60 s and 4 kg, as at the end of the step.
+        // ½ ρ l A sin v² along the normal, of which the share cos is across the wind; over 1/60 s and 4 kg,
+        // as at the end of the step.
         let part = 0.5 * 1.2 * 4.0 * angle.sin() * angle.cos() * 10.0 / 60.0 / 4.0;
         let exact = 10.0 * part / (1.0 + part.abs());
         assert!((linear[1] - -exact).abs() < 0.02 * exact.abs() + 2e-3, "{angle}: {linear:?}, not {exact}");
         assert!(linear[0].abs() < 1e-4 && linear[2].abs() < 1e-4 && angular == [0.0; 3], "{linear:?}");
     }
     assert!(Vector::from(world.velocity(ball).unwrap().linear).length() < 1e-3);
-    // A gale gives no more speed across than there is along.
+    // A gale gives no more speed across the wind than along it.
     world.flow(&Fluid { density_kg_m3: 1e6, ..wind }).unwrap();
     for (_, plate) in plates {
         assert!(Vector::from(world.velocity(plate).unwrap().linear).length() < 15.0);
@@ -204,7 +210,7 @@ fn wind_presses_what_is_slanted_aside_and_what_is_alike_on_all_sides_not() {
 fn bodies_float_as_deep_as_archimedes_says() {
     let mut world = cut_at(&FOUR, Coupling::Auto);
     let lake = Fluid { surface_m: 3.0, drag: 0.5, damping_per_s: 2.0, ..Fluid::default() };
-    // How deep the lowest point of each lies: by volume, and for the ball at half its density to its middle.
+    // The depth of each body's lowest point: by volume, and for the ball at half its density to its centre.
     let floating = [
         (
             insert(&mut world, [0.0, 3.0, 0.0], ColliderBuilder::cuboid(0.5, 0.25, 0.5).density(600.0)),
@@ -227,16 +233,16 @@ fn bodies_float_as_deep_as_archimedes_says() {
         let depth = 3.0 - (at - half_m);
         assert!((depth - depth_m).abs() < 0.01, "{body}: {depth} m deep, not {depth_m}");
         assert!((at - before).abs() < 2e-5, "{body} rests: {} m in a step", at - before);
-        // Lift comes at the beginning of a step, weight over its substeps.
+        // Lift acts at the beginning of a step, weight over its substeps.
         let falls = world.velocity(body).unwrap().linear[1];
         assert!((-0.082..0.001).contains(&falls), "{body}: {falls} m/s");
     }
-    // Where drag, damping and what it weighs in water are equal, of a ball of radius r, with s = rho_fluid / rho_body:
-    // 3/8 s c v² / r + s d v = (1 - s) g.
+    // The speed at which drag and damping balance the weight in water, of a ball of radius r, with
+    // s = rho_fluid / rho_body: 3/8 s c v² / r + s d v = (1 - s) g.
     let [a, b, c] = [0.375 * 0.5 / 1.5 / 0.5, 2.0 / 1.5, -9.81 / 3.0];
     let exact = (f32::sqrt(b * b - 4.0 * a * c) - b) / (2.0 * a);
     let sinks = -world.velocity(heavy).unwrap().linear[1];
-    // Within what one step changes.
+    // Within the change of one step.
     assert!((sinks / exact - 1.0).abs() < 0.03, "{sinks} m/s, not {exact}");
     assert_eq!(world.flow(&lake).unwrap(), 5, "what fell in is in it too");
 }
@@ -282,7 +288,8 @@ fn a_trigger_lists_who_is_inside_across_borders_and_asleep() {
                 ColliderBuilder::cuboid(20.0, 0.5, 20.0),
             )
             .unwrap();
-        // One that stands still over the edge of all four, and one that a body of one region carries across.
+        // One zone stands still across the borders of all four regions; a body of one region carries the
+        // other across.
         let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true);
         let fixed = world.insert(RigidBodyBuilder::fixed(), zone.clone()).unwrap();
         let scanner = RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(-1.5, 1.0, 6.0));

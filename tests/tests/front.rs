@@ -1,4 +1,5 @@
-//! Tests the one front, `dcd::World`, of every role: the same program in a local world and in a served one, and the same refusals.
+//! Tests the one front of every role, `dcd::World`: the same program in a local world and in a served one,
+//! and the same refusals.
 
 use std::time::Duration;
 
@@ -11,7 +12,7 @@ fn playground() -> Scene {
     Scene::open("tower", &Params::default()).unwrap()
 }
 
-/// A server, a node and a client of it, all in this process, over real links.
+/// A server, a node and a client in this process, over real links.
 struct Served {
     client: World,
     node: World,
@@ -30,7 +31,7 @@ fn served() -> Served {
     Served { client, node, server, _data: data }
 }
 
-/// The program of the README from the line on that makes the world.
+/// Runs the README's program, from the line after the one that makes the world.
 fn until_the_cube_rests(mut world: World) -> Result<f64, Box<dyn std::error::Error>> {
     let cube = world.insert(
         RigidBodyBuilder::dynamic().translation(Vector::new(4.0, 3.0, 0.0)),
@@ -44,7 +45,7 @@ fn until_the_cube_rests(mut world: World) -> Result<f64, Box<dyn std::error::Err
     Ok(world.pose(cube).expect("it was there").translation[1])
 }
 
-/// The line of the README that makes the world a served one: only compiled, as nobody listens there.
+/// Connects to a served world, by the line of the README. It is only compiled, since nobody listens there.
 #[expect(dead_code, unused_mut)]
 fn in_a_served_world() -> Result<World, Box<dyn std::error::Error>> {
     let mut world = World::connect(&JoinConfig::new("192.0.2.7:7420".parse()?, "dcd1-..."))?;
@@ -60,7 +61,7 @@ fn the_program_of_the_readme_is_short_and_is_the_one_that_runs_here() {
     let imports: Vec<_> = program.lines().filter(|line| line.starts_with("use ")).collect();
     assert_eq!(imports, ["use dcd::prelude::*;"]);
     assert_eq!(program.matches("dcd::").count(), 1, "the prelude is enough");
-    // Its doctest runs the local world, the tests below both.
+    // The README's doctest runs the local world, the tests below both.
     let here = include_str!("front.rs");
     let (before, after) = program.split_once("    let cube").expect("it inserts a cube");
     let after = after.strip_suffix("    Ok(())\n}\n").expect("it ends well");
@@ -124,7 +125,7 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     assert_eq!(refused(node.suspend()).instead, Instead::ServerKeeps);
     assert_eq!(refused(server.queries().map(drop)).instead, Instead::SubmitQuery);
     assert_eq!(refused(node.queries().map(drop)).instead, Instead::ComputeAlone);
-    // A server changes what moves; this is fixed.
+    // A server can change what moves, but this body is fixed.
     let changes =
         [(&mut server, Role::Server, Instead::InsertAnew), (&mut node, Role::Node, Instead::JoinAsClient)];
     for (world, role, instead) in changes {
@@ -141,7 +142,7 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     local.set_interest(None).unwrap();
 }
 
-/// How many shapes were drawn, boxes, texts and points that are white.
+/// The numbers of drawn shapes, boxes, texts and lines, and of white points.
 #[derive(Debug, Default, PartialEq)]
 struct Counted {
     shapes: usize,
@@ -284,7 +285,7 @@ fn what_a_ray_hits_and_what_touches_have_ids_that_changes_take() {
     assert_eq!(world.collider_count(ground), 1);
 }
 
-/// Types by name, which all have these traits: it does not compile else.
+/// Returns the names of these types. It compiles only if all of them have these traits.
 macro_rules! with_traits {
     ($bound:path, $extra:path; $($name:ty),* $(,)?) => {{
         fn has<T: $bound + $extra>() {}

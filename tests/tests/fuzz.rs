@@ -1,5 +1,5 @@
-//! Runs every fuzz target on its seeds and on some hundred changes of them: a quick look, on any toolchain. The long ones are
-//! `a_number_of_changes_by_many_processes` below and `fuzz/run`.
+//! Runs every fuzz target on its seeds and on some hundred mutations of them: a quick run, on any toolchain.
+//! The long runs are `a_number_of_changes_by_many_processes` below and `fuzz/run`.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use dcd_tests::fuzz::{TARGETS, Target, changed, target};
 
-/// Runs seeds, and some changes of them; names those that fail.
+/// Runs a target on its seeds and on mutations of them, and names the inputs that fail.
 fn run(name: &str) {
     let Target { form, run, seeds, quick, .. } = *target(name).expect("it is a target");
     let seeds = seeds();
@@ -29,7 +29,7 @@ fn run(name: &str) {
     assert!(failed.is_empty(), "{name}: changes {failed:?} fail");
 }
 
-/// The number that a variable of the environment has.
+/// Returns the number in an environment variable.
 fn asked(variable: &str) -> Option<u64> {
     std::env::var(variable).ok().map(|text| text.parse().unwrap_or_else(|_| panic!("{variable} is a number")))
 }
@@ -127,7 +127,7 @@ fn config_takes_what_nobody_sends() {
     run("config");
 }
 
-/// As each target is tried by a test of its name, here and in the processes of a long look.
+/// Each target must be run by a test of its name, here and in the processes of a long run.
 #[test]
 fn every_target_has_a_test() {
     let text = include_str!("fuzz.rs");
@@ -144,7 +144,7 @@ fn every_target_has_a_test() {
     }
 }
 
-/// Changes of one target that one process tries.
+/// The mutations of one target that one process tries.
 #[derive(Clone, Copy)]
 struct Share {
     target: Target,
@@ -153,12 +153,13 @@ struct Share {
 }
 
 impl Share {
-    /// So many quick looks are one share: a minute or two.
+    /// The number of quick runs in a share, chosen to take a minute or two.
     const QUICK_LOOKS: u64 = 100;
-    /// What takes longer loops for ever.
+    /// The time after which a share counts as an endless loop.
     const LIMIT: Duration = Duration::from_secs(3600);
 
-    /// Divides a number of changes among targets, as quick looks do, and each target's into shares. All targets come soon.
+    /// Divides a number of mutations among targets in the proportion of quick runs, and each target's into
+    /// shares. The shares alternate between targets, so all targets come soon.
     fn of(total: u64, from: u64) -> Vec<Self> {
         let quick: u64 = TARGETS.iter().map(|target| target.quick).sum();
         let of_target = |target: Target| {
@@ -172,7 +173,8 @@ impl Share {
         shares.into_iter().map(|(_, share)| share).collect()
     }
 
-    /// Tries them in a process of their own, which may also be ended by what it tries; returns what that says if something fails.
+    /// Tries the share in a process of its own, which its inputs may also end. Returns the end of that
+    /// process's output if it fails.
     fn try_all(&self) -> Result<(), String> {
         let Self { target, from, changes } = self;
         let log = tempfile::tempfile().unwrap();
@@ -203,7 +205,7 @@ impl Share {
     }
 }
 
-/// The end of what a process has said.
+/// Returns the end of a process's output.
 fn said(mut log: std::fs::File) -> std::io::Result<String> {
     use std::io::{Read, Seek, SeekFrom};
     let length = log.seek(SeekFrom::End(0))?;
@@ -213,8 +215,8 @@ fn said(mut log: std::fs::File) -> std::io::Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Tries `FUZZ_CHANGES` changes from number `FUZZ_FROM` on, all targets together, by `FUZZ_PROCESSES` processes at a time, one per core
-/// unless it is said; tells how far it is after each share.
+/// Tries `FUZZ_CHANGES` mutations of all targets together, from number `FUZZ_FROM` on, by `FUZZ_PROCESSES`
+/// processes at a time (default: one per core). Prints the progress after each share.
 #[test]
 #[ignore = "takes as long as one likes: hours for 100,000,000 changes"]
 fn a_number_of_changes_by_many_processes() {

@@ -1,13 +1,14 @@
-//! Tests the house rules that no compiler checks: files depend on each other in one direction only, and say first what they do.
+//! Tests the house rules that no compiler checks: files depend on each other in one direction only, and begin
+//! by saying what they do.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A module by its names from the crate's root.
+/// The names of a module, from the crate's root.
 type Module = Vec<String>;
 
-/// What stands after each `use` of a file outside its tests, one path an item, without what a crate of others would begin with.
+/// Returns the paths after each `use` of a file outside its tests, one per item, without a leading `::`.
 fn imports(source: &str) -> Vec<Vec<String>> {
     let code = source.split("#[cfg(test)]\nmod tests {").next().unwrap_or(source);
     let (mut paths, mut statement) = (Vec::new(), String::new());
@@ -25,7 +26,7 @@ fn imports(source: &str) -> Vec<Vec<String>> {
     paths
 }
 
-/// One path for each name in a tree of imports.
+/// Appends one path for each name in a tree of imports.
 fn spell_out(before: &[String], tree: &str, paths: &mut Vec<Vec<String>>) {
     let (head, group) = tree.split_once('{').map_or((tree, None), |(head, group)| (head, Some(group)));
     let mut path = before.to_vec();
@@ -50,7 +51,8 @@ fn spell_out(before: &[String], tree: &str, paths: &mut Vec<Vec<String>>) {
     }
 }
 
-/// The file that a path leads to, seen from a module: the longest beginning that is one.
+/// Returns the file that a path leads to, seen from a module: the longest beginning of the path that is a
+/// file.
 fn target(from: &Module, path: &[String], files: &BTreeMap<Module, PathBuf>) -> Option<Module> {
     let mut at: Module = match path.first()?.as_str() {
         "crate" => Vec::new(),
@@ -73,7 +75,7 @@ fn target(from: &Module, path: &[String], files: &BTreeMap<Module, PathBuf>) -> 
     Some(at)
 }
 
-/// All files below a folder, by module.
+/// Adds all files below a folder, by module.
 fn files_below(folder: &Path, module: &Module, files: &mut BTreeMap<Module, PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -88,7 +90,7 @@ fn files_below(folder: &Path, module: &Module, files: &mut BTreeMap<Module, Path
     }
 }
 
-/// Groups of modules that lead to each other, a module and its own children aside.
+/// Returns the groups of modules that lead to each other, except for a module and its own children.
 fn circles(sources: &BTreeMap<Module, String>, files: &BTreeMap<Module, PathBuf>) -> Vec<BTreeSet<Module>> {
     let kin = |a: &Module, b: &Module| a.starts_with(b) || b.starts_with(a);
     let leads_to: BTreeMap<&Module, BTreeSet<Module>> = sources
@@ -163,14 +165,15 @@ fn a_circle_is_found_through_groups_and_over_several_files() {
     assert_eq!(of(&three)[0].len(), 3, "a child of one of them is only led to");
 }
 
-/// Whether a file begins with a sentence about it that has a verb: `//! Computes ...`, `//! Defines, ...`.
+/// Returns whether a file begins with a sentence about it that has a verb: `//! Computes ...`,
+/// `//! Defines, ...`.
 fn says_what_it_does(source: &str) -> bool {
     let verb = source.strip_prefix("//! ").and_then(|line| line.split(' ').next()).unwrap_or_default();
     let verb = verb.strip_suffix(',').unwrap_or(verb);
     verb.starts_with(|first: char| first.is_ascii_uppercase()) && verb.len() > 2 && verb.ends_with('s')
 }
 
-/// All Rust files below a folder, by path.
+/// Adds the paths of all Rust files below a folder.
 fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -205,8 +208,9 @@ fn every_file_says_first_what_it_does() {
 #[test]
 fn the_public_surface_is_small() {
     let items = include_str!("../../dcd/public-items.txt").lines().count();
-    // 338 before a program could read what bodies look like, where they touch, what joints bear and what a step took (13 more),
-    // say what is looked at, and go back; push by explosions and fluids, and list who is inside a trigger (5); visit what a query finds, and
-    // have its own threads compute (6); and find where metrics are told (1).
+    // 338 items at first. Then a program could read what bodies look like, where they touch, what joints bear
+    // and what a step took (13 more), say what is looked at, and go back; push by explosions and fluids, and
+    // list what is inside a trigger (5); visit what a query finds, and have its own threads compute (6); and
+    // find where metrics are served (1).
     assert!((100..=375).contains(&items), "{items} types, traits and methods");
 }

@@ -1,4 +1,5 @@
-//! Tests islands that lie in many regions, too large to be computed whole by one of them, and what moves along on belts.
+//! Tests islands that span many regions, too large for one region to compute whole, and bodies that ride on
+//! belts.
 
 use dcd::physics::{Measured, StepSettings};
 use dcd::protocol::WorldPose;
@@ -7,7 +8,7 @@ use dcd::scene::{Params, Scene, SceneJoint};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
-/// So many regions side by side along x, over a length around the origin.
+/// Returns the configuration of this many regions side by side along x, over a length around the origin.
 fn side_by_side(regions: usize, length_m: f64) -> WorldConfig {
     let cut = |i: usize| (Axis::X, length_m * (i as f64 / regions as f64 - 0.5));
     let partitioning = match regions {
@@ -17,7 +18,7 @@ fn side_by_side(regions: usize, length_m: f64) -> WorldConfig {
     WorldConfig { partitioning, bounds: Bounds::around([0.0; 3], [length_m; 3]), ..WorldConfig::default() }
 }
 
-/// The same, of a world that cuts what has more than 256 bodies.
+/// Returns the same for a world that cuts islands of more than 256 bodies.
 fn with_cut_islands(config: WorldConfig) -> WorldConfig {
     WorldConfig { step: StepSettings { island_limit: 256, ..config.step }, ..config }
 }
@@ -32,7 +33,8 @@ fn joint(a: Vector, b: Vector) -> SphericalJointBuilder {
     SphericalJointBuilder::new().local_anchor1(a).local_anchor2(b).contacts_enabled(false)
 }
 
-/// A rope of so many links of half a metre along x around the origin, hung up at its left end.
+/// Returns a scene with a rope of this many links of half a metre, along x around the origin, hung up at its
+/// left end.
 fn rope(links: usize, can_sleep: bool) -> Scene {
     const LINK_M: f32 = 0.5;
     let at = |i: f32| Vector::new((i - 0.5 * links as f32) * LINK_M, 0.0, 0.0);
@@ -48,7 +50,8 @@ fn rope(links: usize, can_sleep: bool) -> Scene {
     scene
 }
 
-/// A hanging bridge of so many planks of a metre along x, on an arc around the origin, that swings.
+/// Returns a scene with a swinging bridge of this many planks of a metre along x, hung on an arc around the
+/// origin.
 fn bridge(planks: usize, can_sleep: bool) -> Scene {
     let radius = planks as f32;
     let angle = |i: f32| (i - 0.5 * planks as f32) / radius;
@@ -102,14 +105,14 @@ fn kinetic_energy_j(world: &LocalWorld, bodies: &[BodyId]) -> f32 {
     bodies.iter().map(energy).sum()
 }
 
-/// Metres by which the centre of a body lies out of its owner's cell.
+/// Returns by how many metres the centre of a body lies outside of its owner's cell.
 fn out_of_cell_m(world: &LocalWorld, body: BodyId) -> f64 {
     let (owner, at) = (world.owner_of(body).unwrap(), world.pose(body).unwrap().translation);
     let region = world.regions().find(|region| region.id() == owner).unwrap();
     region.cell().excess_m(at)
 }
 
-/// How far bodies sink below where they stood after half a second, at most, in millimetres.
+/// Returns how far bodies sink at most below where they were after half a second, millimetres.
 fn sag_mm(world: &mut LocalWorld, bodies: &[BodyId], ticks: usize) -> f64 {
     steps(world, 30);
     let height = |world: &LocalWorld, body| world.pose(body).unwrap().translation[1];
@@ -129,7 +132,8 @@ fn insert_box(world: &mut LocalWorld, x: f32, y: f32, vx: f32, half: f32) -> Bod
     world.insert(body, ColliderBuilder::cuboid(half, half, half).density(100.0)).unwrap()
 }
 
-/// A long platform that moves along x under all regions, with boxes on it that are far from each other.
+/// Inserts a long platform that moves along x under all regions, with boxes on it that are far from each
+/// other.
 fn insert_platform(world: &mut LocalWorld) -> Vec<BodyId> {
     let body = RigidBodyBuilder::kinematic_velocity_based()
         .translation(Vector::new(-14.0, -0.5, 0.0))
@@ -138,7 +142,7 @@ fn insert_platform(world: &mut LocalWorld) -> Vec<BodyId> {
     [-9.0, -6.5, -4.0].into_iter().map(|x| insert_box(world, x, 0.25, 3.0, 0.25)).collect()
 }
 
-/// Rollers one after the other along x, which turn, and boxes that ride on them.
+/// Inserts turning rollers in a row along x, and boxes that ride on them.
 fn insert_rollers(world: &mut LocalWorld) -> Vec<BodyId> {
     for i in 0..60 {
         let turn = Rotation::from_rotation_x(std::f32::consts::FRAC_PI_2);
@@ -219,8 +223,9 @@ fn an_island_that_stays_whole_comes_to_the_bits_of_one_world_in_any_number_of_re
     }
 }
 
-/// Sizes that regions heard of one another counted what comes together and apart in every tick many times, and parts of up to 256
-/// bodies were held by whoever held one of them: seven copies of each body.
+/// Formerly, sizes that regions heard of one another counted what comes together and apart in every tick many
+/// times, and each region that held one body of a part of up to 256 bodies held all of the part: seven copies
+/// of each body.
 #[test]
 fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them() {
     let scene = Scene::named("heap", &Params::new().with("n", 1200).with("slenderness", 1.07)).unwrap();
@@ -237,7 +242,8 @@ fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them
     assert!(copies < ticks * 1200 * 3 / 2, "{} copies of 1,200 bodies", copies / ticks);
 }
 
-/// Rapier itself loses the joint: it chose what to solve while the second box slept, and keeps to that when the ball wakes it.
+/// Rapier itself loses the joint: it chose what to solve while the second box slept, and keeps to that when
+/// the ball wakes the box.
 #[test]
 fn who_was_put_to_sleep_has_its_joint_when_it_is_struck() {
     for regions in [1, 2] {

@@ -1,4 +1,4 @@
-//! Tests worlds of many kilometres: what happens far out is what happens at the origin.
+//! Tests worlds of many kilometres: bodies far out behave as at the origin.
 
 use dcd::physics::{BodyFilter, WorldRay};
 use dcd::protocol::WorldPose;
@@ -7,7 +7,7 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId, Bounds};
 
-/// Three boxes on a slab, at this place.
+/// Inserts a slab with three boxes on it at this place. Returns the boxes.
 fn stack(world: &mut LocalWorld, at: [f64; 3]) -> Vec<BodyId> {
     let lifted = |y: f64| WorldPose::at([at[0], at[1] + y, at[2]]);
     let slab = ColliderBuilder::cuboid(5.0, 0.5, 5.0);
@@ -67,7 +67,7 @@ fn a_stack_that_is_carried_a_hundred_kilometres_arrives_as_it_left() {
     }
 }
 
-/// Mean speed, and mean and spread of the heights, of the cars of a convoy.
+/// The mean speed of a convoy's cars, and the mean and the spread of their heights.
 #[derive(Debug, Default)]
 struct Ride {
     speed_m_s: f64,

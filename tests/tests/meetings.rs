@@ -1,4 +1,5 @@
-//! Tests collisions of bodies of several regions: as in one world, with its energy, its momentum, and no body passed by.
+//! Tests collisions of bodies of several regions: as in one world, with its energy and momentum, and no body
+//! passes another.
 
 use dcd::physics::Measured;
 use dcd::protocol::{Velocity, WorldPose};
@@ -45,7 +46,7 @@ fn an_elastic_gas_keeps_its_energy_in_any_number_of_regions() {
     }
 }
 
-/// Pairs that collide at the corner of all regions, far enough from other pairs that no third body takes part.
+/// Pairs collide at the corner of all regions, far enough from other pairs that no third body takes part.
 #[test]
 fn what_collides_in_pairs_at_borders_keeps_all_of_its_momentum() {
     for regions in REGIONS {
@@ -82,7 +83,7 @@ fn what_collides_in_pairs_at_borders_keeps_all_of_its_momentum() {
     }
 }
 
-/// Of what the clouds are.
+/// What the clouds consist of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Of {
     /// Balls without friction.
@@ -91,7 +92,8 @@ enum Of {
     Boxes(FrictionModel),
 }
 
-/// Two clouds of 384 balls or boxes that fly into each other at the corner of all regions: most touch something new in every tick.
+/// Two clouds of 384 balls or boxes each fly into each other at the corner of all regions. Most bodies touch
+/// something new in every tick.
 #[test]
 fn crowds_that_collide_at_borders_keep_their_momentum() {
     let lost = |regions, of: Of, seed| {
@@ -102,7 +104,8 @@ fn crowds_that_collide_at_borders_keep_their_momentum() {
         let after = world.host().momentum_kgms();
         (0..3).map(|i| (after[i] - before[i]).powi(2)).sum::<f64>().sqrt() / scale
     };
-    // Of friction in an impact, Rapier's simplified model does not tell all; how much that is differs five-fold between seeds.
+    // Rapier's simplified model does not tell all friction of an impact. How much is missing differs
+    // five-fold between seeds.
     for (of, seeds, most) in [
         (Of::Balls, 7..=7, 1e-6),
         (Of::Boxes(FrictionModel::Coulomb), 7..=7, 1e-4),
@@ -157,11 +160,12 @@ fn mass_times_speed(world: &LocalWorld, body: BodyId) -> f64 {
     f64::from(rigid_body.mass() * rigid_body.linvel().length())
 }
 
-/// One ball goes into another region and is hit by a ball of a third one, in whichever tick before or after it is handed over.
+/// One ball goes into another region and is hit by a ball of a third region, in any tick before or after the
+/// transfer.
 #[test]
 fn a_ball_that_changes_regions_just_before_it_is_hit_keeps_the_momentum_of_both() {
     for phase in 0..60 {
-        // Where the first one is when they touch; it is handed over from x = 0.05 on.
+        // The place of the first ball when they touch. It is transferred from x = 0.05 on.
         let at_x = -0.05 + 0.006 * phase as f32;
         let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Y, 0.0)]);
         let mut world = LocalWorld::new(WorldConfig { partitioning, ..weightless(4, 20.0) }).unwrap();
@@ -212,20 +216,20 @@ fn no_bullet_passes_a_loose_plate_beyond_a_border() {
     }
 }
 
-/// Says how bullets come to fly in [`shoot`].
+/// How the bullets of [`shoot`] come to fly.
 #[derive(Clone, Copy, Debug)]
 enum Shot {
-    /// They come with the plates, before the first tick.
+    /// They are inserted with the plates, before the first tick.
     AtFirst,
-    /// They come some ticks later.
+    /// They are inserted some ticks later.
     Inserted,
-    /// They rest for some ticks, and are given their velocity.
+    /// They rest for some ticks, and are then given their velocity.
     SetOff,
-    /// They rest for some ticks, and are hit aslant by a heavy hammer that flies along the border.
+    /// They rest for some ticks, and are then hit obliquely by a heavy hammer that flies along the border.
     Struck,
 }
 
-/// Of what begins to fly nobody has predicted what it meets; in a world that begins all is new.
+/// Nobody has predicted what a body that begins to fly will meet. In a world that begins, all bodies are new.
 #[test]
 fn no_bullet_passes_what_lies_beyond_a_border_in_its_first_tick() {
     for kind in [RigidBodyType::Dynamic, RigidBodyType::KinematicVelocityBased] {
@@ -249,7 +253,7 @@ fn no_bullet_passes_what_lies_beyond_a_border_in_its_first_tick() {
                     "{kind:?}, {regions} regions, {shot:?}, slant {slant}"
                 );
             }
-            // Where islands are cut, and none is placed whole.
+            // With islands cut, so that none is placed whole.
             if slant == 0.0 && !matches!(shot, Shot::AtFirst) {
                 for regions in REGIONS {
                     let passed = passed(regions, 0);
@@ -260,8 +264,8 @@ fn no_bullet_passes_what_lies_beyond_a_border_in_its_first_tick() {
     }
 }
 
-/// Shoots a bullet at each of 64 plates beyond a border from right before it. Returns the pairs in which the bullet is beyond its plate ten
-/// ticks later: of slanted ones those that have slid past it.
+/// Shoots a bullet at each of 64 plates beyond a border, from right before the border. Returns the pairs
+/// whose bullet is beyond its plate ten ticks later: slanted bullets may have slid past it.
 fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, slant: f32) -> Vec<usize> {
     let mut config = weightless(regions, 200.0);
     config.step.island_limit = island_limit;
@@ -273,7 +277,8 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
     let way = Vector::new(1.0, slant, slant);
     let velocity = |i: usize| way * (150.0 + 1.5 * i as f32);
     let start = |i: usize| match shot {
-        // As far beside the plate as before it, and farther from the border than the blow takes it in one tick.
+        // As far beside the plate as before it, and farther from the border than the blow moves it in one
+        // tick.
         Shot::Struck => at(i) - Vector::new(1.0, 1.0, 0.0) * (1.1 + at(i).x),
         _ => at(i) - (0.2 + 0.01 * i as f32) * way - Vector::X * at(i).x,
     };
@@ -359,7 +364,8 @@ fn a_chain_flies_on_that_loses_a_link_in_the_tick_in_which_it_is_set_off() {
     }
 }
 
-/// Returns how far chain and plates have come along x in the mean after a third of a second, and how far joints parted at most, metres.
+/// Returns how far chain and plates have moved along x on average after a third of a second, and how far
+/// joints parted at most, metres.
 fn throw_chain(cuts: &[(Axis, f64)], speed: f32, sets_off: bool) -> (f64, f64) {
     let partitioning = Partitioning::Cuts(cuts.to_vec());
     let mut world = LocalWorld::new(WorldConfig { partitioning, ..weightless(1, 200.0) }).unwrap();
@@ -417,7 +423,8 @@ fn speed_of(world: &LocalWorld, body: BodyId) -> f32 {
     Vector::from_array(linear).length()
 }
 
-/// A wall that stands in one world for as long as anybody looks, as it is the same wall to the bit.
+/// The wall stands in one world for as long as anybody looks, and so it does in several regions, since it is
+/// the same wall to the bit.
 #[test]
 fn a_wall_in_bond_is_the_same_wall_to_the_bit_in_any_number_of_regions() {
     let scene = Scene::named("wall", &Params::new().with("width", 20).with("height", 15)).unwrap();
@@ -434,8 +441,8 @@ fn a_wall_in_bond_is_the_same_wall_to_the_bit_in_any_number_of_regions() {
     }
 }
 
-/// Boxes fall on what is one region's whole though it lies in several cells, and come to lie as deep in one another as in one world.
-/// Heaps of more boxes than move at once: of two the regions know all, and of four that merge each knows less than half.
+/// Heaps of too many boxes to move whole collide: the regions know all of two heaps, and each knows less than
+/// half of four heaps that merge.
 #[test]
 fn heaps_of_different_regions_stop_each_other() {
     const COUNT: usize = 343;
@@ -462,6 +469,8 @@ fn heaps_of_different_regions_stop_each_other() {
     }
 }
 
+/// Boxes fall on an island that one region has whole although it lies in several cells, and come to lie as
+/// deep in one another as in one world.
 #[test]
 fn what_falls_on_an_island_of_another_region_does_not_sink_into_it() {
     let sunk_m = |regions| {

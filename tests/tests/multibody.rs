@@ -1,4 +1,5 @@
-//! Tests multibody joints in a partitioned world: one region has all of a multibody, and it moves on in one piece.
+//! Tests multibody joints in a partitioned world: one region has all of a multibody, which moves on in one
+//! piece.
 
 use dcd::physics::{Coupling, LinkSettings, StepSettings};
 use dcd::protocol::WorldPose;
@@ -7,7 +8,7 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneJoint};
 use dcd::space::{Axis, Balance, BodyId, Bounds, JointId};
 
-/// A cart with an arm of so many links upon it, in a scene of its own.
+/// Adds to a scene a cart with an arm of this many links. Returns the index of the cart's body.
 fn cart(scene: &mut Scene, at: [f64; 3], links: usize) -> usize {
     let upright = LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y;
     let body = RigidBodyBuilder::dynamic().locked_axes(upright).can_sleep(false);
@@ -47,7 +48,7 @@ fn world_of(scene: &Scene, cuts: &[f64], coupling: Coupling) -> LocalWorld {
     LocalWorld::from_scene(scene, config).unwrap()
 }
 
-/// The worst distance between the two anchors of a joint, metres.
+/// Returns the largest distance between the two anchors of a joint, metres.
 fn apart(scene: &Scene, pose: impl Fn(usize) -> Pose) -> f32 {
     let gap = |joint: &SceneJoint| {
         let end = |body, frame: &Pose| (pose(body) * *frame).translation;
@@ -79,7 +80,7 @@ fn one_region_computes_a_multibody_to_the_bits_of_bare_rapier() {
 #[test]
 fn a_multibody_rides_over_borders_as_in_one_world_with_every_coupling() {
     let mut scene = flat("rider");
-    // Rapier's multibodies heed no initial velocity; they fall sideways.
+    // Rapier's multibodies ignore initial velocities, so gravity pulls sideways.
     scene.gravity = [1.6, 0.0, 0.0];
     let first = cart(&mut scene, [-12.0, 0.3, 0.0], 4);
     let mut bare = scene.bare_world();
@@ -132,7 +133,7 @@ fn multibodies_that_fall_on_boxes_at_a_border_stay_in_one_piece() {
     }
 }
 
-/// Rapier's multibodies heed no initial velocity: one falls sideways, the other stands.
+/// Rapier's multibodies ignore initial velocities: one cart falls sideways, the other stands.
 #[test]
 fn carts_of_different_regions_do_not_drive_through_one_another() {
     let mut scene = flat("carts");
@@ -172,14 +173,14 @@ fn a_cart_stops_at_a_heap_that_its_region_does_not_own() {
         for _ in 0..90 {
             world.step().unwrap();
         }
-        // It pushes what it meets, and stays before it.
+        // It pushes the boxes that it meets, and does not enter them.
         let (cart, met) = (at(&world, cart), (0..343).map(|body| at(&world, body + 1)));
         let first = met.fold(f32::INFINITY, f32::min);
         assert!(cart < first - 0.9, "{coupling:?}: {cart:.2} m, and the first box at {first:.2} m");
     }
 }
 
-/// A kinematic body that is tied to a multibody is in one region alone, as that is.
+/// A kinematic body tied to a multibody is in one region alone, as the multibody is.
 #[test]
 fn a_platform_with_an_arm_carries_boxes_of_both_regions_and_pushes_those_in_its_way() {
     let mut scene = flat("platform");
@@ -362,7 +363,8 @@ fn armature_and_friction_of_links_act_and_travel() {
     }
 }
 
-/// An arm of so many links that hangs on a fixed post, with the joints from the top down.
+/// Inserts an arm of this many links that hangs on a fixed post. Returns its bodies and its joints, from the
+/// top down.
 fn hanging(world: &mut LocalWorld, links: usize) -> (Vec<BodyId>, Vec<JointId>) {
     let post = RigidBodyBuilder::fixed().translation(Vector::Y * 4.0);
     let mut bodies = vec![world.insert(post, ColliderBuilder::ball(0.05)).unwrap()];
@@ -380,7 +382,7 @@ fn hanging(world: &mut LocalWorld, links: usize) -> (Vec<BodyId>, Vec<JointId>) 
     (bodies, joints)
 }
 
-/// The distance between the lower end of a link and the upper end of the one below it, metres.
+/// Returns the distance between the lower end of a link and the upper end of the link below it, metres.
 fn gap(world: &LocalWorld, above: BodyId, below: BodyId) -> f64 {
     let end = |id, y: f32| {
         let pose = world.pose(id).unwrap();

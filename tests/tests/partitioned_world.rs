@@ -1,4 +1,4 @@
-//! Tests a partitioned world through its public API: what is true of one Rapier world stays true of many.
+//! Tests a partitioned world through its public API: what holds for one Rapier world holds for many.
 
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};
@@ -8,7 +8,7 @@ use dcd::sim::Random;
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
-/// Two regions that meet at x = 0.
+/// Returns the configuration of two regions that meet at x = 0.
 fn two_regions() -> WorldConfig {
     WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() }
 }
@@ -59,7 +59,8 @@ fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
             }
         }
         assert_ne!(world.owner_of(ball), Some(first), "{coupling:?}");
-        // Where regions agree on means, a body that touches nothing has no contacts to lose: it goes at once.
+        // Where regions agree on means, a body that touches nothing has no contacts to lose, and is
+        // transferred at once.
         let announced = matches!(coupling, Coupling::Proxy | Coupling::Owner);
         assert_eq!(replicated_before_transfer, announced, "{coupling:?}");
         assert_eq!((world.stats().transfers, world.stats().replicas), (1, 0), "{coupling:?}");
@@ -224,7 +225,7 @@ fn a_tower_under_a_heavy_top_stands_however_many_exchanges_a_tick_has() {
         let gone = world.states().zip(&before).map(|((_, _, pose, _), before)| {
             (0..3).map(|i| (pose.translation[i] - before[i]).powi(2)).sum::<f64>().sqrt()
         });
-        // One world lets its top sink by 0.51 m.
+        // In one world the top sinks by 0.51 m.
         let worst_m = gone.fold(0.0, f64::max);
         assert!(worst_m < 0.7, "with {exchanges} exchanges a box goes {worst_m} m");
     }
@@ -500,7 +501,7 @@ fn changes_at_any_time_lose_and_double_nothing_in_any_coupling() {
                     joints.push(world.insert_joint(a, bodies[0], RopeJointBuilder::new(2.0)).unwrap());
                 }
                 (6, _) if !joints.is_empty() => {
-                    // One that went with a body says so.
+                    // This fails for a joint that was removed with its body.
                     let _ = world.remove_joint(joints.swap_remove(0));
                 }
                 _ => world.step().unwrap(),
@@ -550,7 +551,7 @@ fn bad_input_is_refused_with_cause_and_remedy() {
     let mut config = WorldConfig::default();
     config.step.dt_s = 0.0;
     assert!(LocalWorld::new(config).err().unwrap().to_string().contains("dt_s"));
-    // Nothing was lost by being refused: the next body gets the first id.
+    // The refusals used up no id: the next body gets the first one.
     let (body, collider) = ball_at(0.0, 0.0);
     assert_eq!(world.insert(body, collider).unwrap(), BodyId::persistent(0));
 }
@@ -619,7 +620,7 @@ fn a_joint_waits_while_it_has_nothing_to_move() {
     assert!(world.joint_load(tie).unwrap()[1].abs() > 0.01, "and weighs on it");
 }
 
-/// Rapier asks only the end that is enabled, and stops the process at a joint whose other end is not.
+/// Rapier looks only at the enabled end, and stops the process at a joint whose other end is disabled.
 #[test]
 fn a_joint_waits_while_an_end_is_disabled_however_it_came_to_that() {
     for by_joint in [true, false] {
@@ -656,7 +657,7 @@ fn a_joint_waits_while_an_end_is_disabled_however_it_came_to_that() {
     }
 }
 
-/// What another process says may be wrong, and must not end this one.
+/// What another process sends may be wrong, and must not end this one.
 #[test]
 fn a_transfer_of_what_is_owned_here_or_is_newer_here_is_refused() {
     use dcd::physics::{Partition, RegionHost};

@@ -1,5 +1,5 @@
-//! Tests that a client's own avatar, and what it touches, answer at once to what their user asks, as the world will have it, over good and
-//! bad networks.
+//! Tests that a client's own avatar, and what it touches, react at once to the user's inputs, as the world
+//! will have it, over good and bad networks.
 
 use dcd_tests::course::{Course, Played, play};
 use dcd_tests::proxy::Weather;
@@ -27,7 +27,7 @@ fn run(course: Course, weather: Weather) -> Played {
     played
 }
 
-/// How far corrections go on a quiet machine is measured by the suite `prediction`; here others may be at work.
+/// The suite `prediction` measures corrections on a quiet machine. Here others may be at work.
 #[test]
 fn an_avatar_that_pushes_a_stack_answers_in_the_frame_of_the_input() {
     let played = run(Course::Pusher, ms(100, 0, 0.0));
@@ -50,7 +50,7 @@ fn walkers_balls_and_cars_are_predicted_over_bad_networks() {
         for weather in [ms(20, 0, 0.0), ms(100, 50, 0.05)] {
             let played = run(course, weather);
             let jump_m = played.jumps_m().last().copied().unwrap();
-            // Where a car hits boxes at full speed, a tick decides where they fly.
+            // Where a car hits boxes at full speed, a single tick decides where they fly.
             if played.corrected() > 0.5 || jump_m > 0.5 {
                 failures.push(format!("{}, {weather:?}: {:?}, {jump_m}", course.name(), played.prediction));
             }

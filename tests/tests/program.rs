@@ -1,5 +1,5 @@
-//! Tests the program of a server, which builds, moves and clears away what is in its world: real QUIC, nodes and clients in this
-//! process.
+//! Tests a server's program, which builds, moves and removes what is in its world. Uses real QUIC, with nodes
+//! and clients in this process.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,7 +19,7 @@ fn cut() -> WorldConfig {
     WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() }
 }
 
-/// An empty world in two regions.
+/// Serves an empty world in two regions.
 fn serve(config: ServeConfig) -> World {
     World::new(cut()).unwrap().serve_copy(config).unwrap()
 }
@@ -36,7 +36,7 @@ fn client(server: &World) -> World {
     World::connect(&join(server, JoinRole::Client)).unwrap()
 }
 
-/// Steps both until it is so.
+/// Steps all worlds until the condition holds.
 fn until(what: &str, worlds: &mut [&mut World], mut is_so: impl FnMut(&[&mut World]) -> bool) {
     let deadline = Instant::now() + LIMIT;
     while !is_so(worlds) {
@@ -48,7 +48,8 @@ fn until(what: &str, worlds: &mut [&mut World], mut is_so: impl FnMut(&[&mut Wor
     }
 }
 
-/// Ground, twenty boxes on both sides of the border, and a pendulum that swings across it.
+/// Inserts ground, twenty boxes on both sides of the border, and a pendulum that swings across it. Returns
+/// the bodies.
 fn build(world: &mut World) -> Vec<BodyId> {
     let ground = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
     let mut bodies = vec![ground];
@@ -70,7 +71,7 @@ fn build(world: &mut World) -> Vec<BodyId> {
     bodies
 }
 
-/// Balls that touch across the border, and a box that is thrown over it into those of [`build`].
+/// Inserts balls that touch across the border, and a box that is thrown over it into the boxes of [`build`].
 fn disturb(world: &mut World, bodies: &mut Vec<BodyId>) {
     for i in 0..5 {
         let ball = RigidBodyBuilder::dynamic().translation(Vector::new(i as f32 * 0.79 - 2.0, 0.9, -4.0));
@@ -117,7 +118,7 @@ fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
     assert_eq!(bits(&server, &bodies), bits(&local, &bodies));
 }
 
-/// What a program does to a world that runs, each at a tick of its own.
+/// What a program does to a running world, each at a tick of its own.
 #[derive(Clone, Copy, Debug)]
 enum Deed {
     Drop,
@@ -127,7 +128,8 @@ enum Deed {
     Remove,
 }
 
-/// Does it to the ball that it drops, last of all, and to the pendulum of [`build`]. Returns whom it concerns.
+/// Does a deed to the ball that it drops, which is the last body, or to a box or the pendulum of [`build`].
+/// Returns the body concerned.
 fn act(world: &mut World, bodies: &mut Vec<BodyId>, deed: Deed) -> BodyId {
     let [post, weight, last] = [bodies[21], bodies[23], bodies[bodies.len() - 1]];
     match deed {
@@ -141,12 +143,12 @@ fn act(world: &mut World, bodies: &mut Vec<BodyId>, deed: Deed) -> BodyId {
             world.push(&Push::impulse(weight, [-0.1, 0.2, 0.1]).at([0.1, 2.3, -7.9])).unwrap();
             weight
         }
-        // To the other side of it.
+        // To the other side of the border.
         Deed::Throw => {
             world.set_velocity(last, Velocity::linear([3.0, 4.0, -0.5])).unwrap();
             last
         }
-        // A box of the right side against those of the left one.
+        // A box of the right side against those of the left side.
         Deed::Hit => {
             world.push(&Push::impulse(bodies[5], [-9.0, 6.0, 1.0]).at([2.6, 1.4, 0.2])).unwrap();
             bodies[5]
@@ -159,8 +161,8 @@ fn act(world: &mut World, bodies: &mut Vec<BodyId>, deed: Deed) -> BodyId {
     }
 }
 
-/// Returns in which tick a node did something to each of these bodies that it was told by the program, as its recording says: computed
-/// again from that, each of its ticks must have the same bits.
+/// Returns the tick in which a node did each deed that the program told it, by the node's recording. Each
+/// tick computed again from the recording must have the same bits.
 fn ticks_of(recording: &Path, told: &[(Deed, BodyId)]) -> Vec<Tick> {
     let mut replayed = open_recording(recording, 1).unwrap();
     let mut done = vec![BTreeSet::new(); told.len()];
@@ -257,7 +259,7 @@ fn terrain_that_a_program_digs_for_long_is_forgotten_and_comes_back_when_it_is_m
     let mut second = second.expect("it came late");
     let tick = server.tick();
     until("who came late computes", &mut [&mut server, &mut second], |worlds| worlds[1].tick().0 > tick.0);
-    // All of it would be 10.8 MB.
+    // All terrain ever made would be 10.8 MB.
     let mut late = self::client(&server);
     until("its traffic is counted", &mut [&mut late], |worlds| worlds[0].traffic().bytes_in > 270_400);
     let told = late.traffic().bytes_in;
@@ -281,7 +283,7 @@ fn terrain_that_a_program_digs_for_long_is_forgotten_and_comes_back_when_it_is_m
 fn clients_are_told_states_as_often_as_the_server_says() {
     let folder = tempfile::tempdir().unwrap();
     let mut server = serve(ServeConfig { state_every: 10, ..ServeConfig::new(folder.path()) });
-    // A tenth of a metre per tick, so that where it is says when it was there.
+    // A tenth of a metre per tick, so that its place tells the tick.
     let train = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 6.0);
     let train = server.insert(train, ColliderBuilder::ball(0.5)).unwrap();
     server.step().unwrap();
@@ -295,7 +297,7 @@ fn clients_are_told_states_as_often_as_the_server_says() {
         }
         told.len() >= 20
     });
-    // What comes first, on joining, is of the tick that the world is at.
+    // The first states, on joining, are of the world's present tick.
     assert!(told[4..].iter().all(|tick| tick % 10 == 0), "{told:?}");
     let config = ServeConfig { state_every: 31, ..ServeConfig::new(folder.path().join("other")) };
     let refused = World::new(cut()).unwrap().serve_copy(config).unwrap_err().to_string();
@@ -324,7 +326,7 @@ fn a_program_builds_a_game_in_an_empty_world_that_runs_and_clients_see_it() {
         swings(worlds[1])
     });
 
-    // A platform that carries a box from one region into the other.
+    // A platform carries a box from one region into the other.
     let platform = RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(-6.0, 1.0, 9.0));
     let platform = server.insert(platform, ColliderBuilder::cuboid(2.0, 0.25, 2.0)).unwrap();
     let cargo = RigidBodyBuilder::dynamic().translation(Vector::new(-6.0, 1.76, 9.0));
@@ -342,7 +344,7 @@ fn a_program_builds_a_game_in_an_empty_world_that_runs_and_clients_see_it() {
         worlds[1].pose(first).is_some_and(|pose| pose.translation[1] > 20.0)
     });
 
-    // Thrown from one region into the other, and spun by a push beside its centre.
+    // A box is thrown from one region into the other, and spun by a push beside its centre.
     let thrown = bodies[21 - 1];
     let place = server.pose(thrown).unwrap().translation;
     server.push(&Push::impulse(thrown, [-8.0, 8.0, 0.0]).at([place[0], place[1], place[2] + 0.25])).unwrap();
@@ -428,12 +430,12 @@ fn what_a_program_cannot_do_is_refused_with_a_remedy() {
     server.remove(first).unwrap();
     assert!(text(server.remove(first)).contains("is not in the world"));
     assert!(text(server.set_velocity(first, Velocity::default())).contains("is not in the world"));
-    // A ray is for those who compute, or for clients.
+    // Only a process that computes can ask at once. A server submits its queries.
     let Err(Error::Unsupported(refused)) = server.queries().map(drop) else { panic!("it computes nothing") };
     assert_eq!(refused.instead, Instead::SubmitQuery);
 }
 
-/// Takes the answer to a query once it has come.
+/// Waits for the answer to a query.
 fn answered(world: &mut World, number: u64) -> QueryResult {
     let deadline = Instant::now() + LIMIT;
     loop {
@@ -446,7 +448,7 @@ fn answered(world: &mut World, number: u64) -> QueryResult {
     }
 }
 
-/// Walls on both sides of the border, and what is asked of them: rays, a ball that is cast, and an overlap.
+/// Inserts walls on both sides of the border. Returns queries about them: rays, and an overlap with a ball.
 fn walls_and_queries(world: &mut World) -> Vec<Query> {
     for x in [-6.0, 4.0, 9.0] {
         let wall = RigidBodyBuilder::fixed().translation(Vector::new(x, 2.0, 0.0));
@@ -472,7 +474,7 @@ fn a_servers_program_asks_by_rays_and_shapes_and_is_answered_as_by_a_local_world
 
     let folder = tempfile::tempdir().unwrap();
     let mut server = serve(ServeConfig { nodes: 2, ..ServeConfig::new(folder.path()) });
-    // Nobody computes the world yet; what was made before is there for those who answer.
+    // Nobody computes the world yet. Bodies made before a query are there for those who answer it.
     let queries = walls_and_queries(&mut server);
     let early: Vec<_> = queries.iter().map(|query| server.submit(query.clone()).unwrap()).collect();
     let gone = server.submit(queries[0].clone()).unwrap();
@@ -489,7 +491,7 @@ fn a_servers_program_asks_by_rays_and_shapes_and_is_answered_as_by_a_local_world
     let number = server.submit(queries[0].clone()).unwrap();
     let QueryResult::Rays(hits) = answered(&mut server, number) else { panic!("rays were asked for") };
     assert_eq!(hits[0].map(|hit| hit.body), Some(block), "what was inserted before it is there");
-    // Whoever leads answers: the first to join leads, and leaves.
+    // The leader answers. The first node to join leads, and leaves.
     first.step().unwrap();
     drop(first);
     server.remove(block).unwrap();
@@ -517,7 +519,7 @@ fn bodies_can_be_tied_whatever_was_asked_between_them() {
     let QueryResult::Rays(hits) = answered(&mut server, asked) else { panic!("rays were asked for") };
     assert_eq!(hits[0].map(|hit| hit.body), Some(a), "what was made before the question is there for it");
     assert_eq!(server.answer(gone).unwrap(), None, "it was cancelled");
-    // Where nothing was done since, it does not wait for a step.
+    // If nothing was done since, a query does not wait for a step.
     let again = server.submit(below()).unwrap();
     let deadline = Instant::now() + LIMIT;
     while server.answer(again).unwrap().is_none() {
@@ -540,7 +542,7 @@ fn a_servers_program_hears_each_contact_once_that_a_body_asks_for() {
         let asks = ColliderBuilder::ball(0.5)
             .active_events(ActiveEvents::COLLISION_EVENTS | ActiveEvents::CONTACT_FORCE_EVENTS)
             .contact_force_event_threshold(1.0);
-        // On the border: both regions see it.
+        // On the border, so that both regions see it.
         let loud = server.insert(ball(0.0), asks).unwrap();
         let (mut began, mut forces) = (Vec::new(), Vec::new());
         until("both lie on the ground", &mut [&mut server], |worlds| {
@@ -548,7 +550,7 @@ fn a_servers_program_hears_each_contact_once_that_a_body_asks_for() {
                 .extend(worlds[0].events().touches.iter().filter(|touch| touch.began).map(|touch| touch.key));
             forces.extend(worlds[0].events().forces.iter().map(|force| force.key));
             let lies = |id| worlds[0].pose(id).is_some_and(|pose| pose.translation[1] < 1.02);
-            // A contact is told of at once, the record half a second later.
+            // A contact is told at once, the record half a second later.
             lies(quiet)
                 && lies(loud)
                 && worlds[0].velocity(loud).is_some_and(|now| now.linear[1].abs() < 0.01)
@@ -636,7 +638,7 @@ fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_the
     let lies = bodies[2];
     server.update_collider(lies, |collider| collider.set_sensor(true)).unwrap();
     server.step().unwrap();
-    // It builds on what was done in the step before, whether the server has that on record yet or not.
+    // This builds on a change of the step before, whether the server has that on record yet or not.
     server.update(lies, |body| body.user_data = 77).unwrap();
     assert_eq!(server.body(lies).unwrap().user_data, 77, "what was done is seen at once");
     until("a sensor falls through the ground", &mut [&mut server, &mut client], |worlds| {
@@ -649,7 +651,7 @@ fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_the
         worlds[1].pose(weight).is_some_and(|pose| pose.translation[1] < 1.0)
     });
 
-    // What is refused changes nothing, and says what to do.
+    // A refused change has no effect, and its error says what to do.
     let refused = |result: Result<(), Error>| match result {
         Err(Error::Unsupported(refused)) => refused.instead,
         other => panic!("{other:?}"),
@@ -668,7 +670,8 @@ fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_the
     assert!(text(server.update_collider((lies, 3), |_| {})).contains("collider"));
     assert_eq!(refused(client.update(lies, |_| {})), Instead::DriveAvatars);
 
-    // A node that dies takes nothing of it along, whether it knew or not; nor does a server that begins again.
+    // A node that dies takes none of this with it, whether it knew of the change or not; nor does a server
+    // that begins again.
     let last = bodies[3];
     drop(first);
     server.update(last, |body| body.set_gravity_scale(-0.5, true)).unwrap();

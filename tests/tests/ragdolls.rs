@@ -1,4 +1,5 @@
-//! Tests that ragdolls that tumble down stairs through eight regions come apart no more than in one world.
+//! Tests that the joints of ragdolls that tumble down stairs through eight regions come apart no more than in
+//! one world.
 
 use dcd::physics::{Coupling, Measured};
 use dcd::rapier3d::prelude::*;
@@ -6,7 +7,8 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::Axis;
 
-/// Of one in a thousand, and the largest, metres.
+/// Distances between the two anchors of joints, metres: the one that one in a thousand exceeds, and the
+/// largest.
 #[derive(Debug)]
 struct Apart {
     one_in_1000: f64,
@@ -18,7 +20,7 @@ fn scene(set: &[&str]) -> Scene {
     Scene::named("ragdolls", &Params::from_args(&set).unwrap()).unwrap()
 }
 
-/// Quarters across the stairs, halves along them.
+/// Returns a world in eight regions: quarters across the stairs, halves along them.
 fn eight_regions(scene: &Scene, coupling: Coupling) -> LocalWorld {
     let quarter = scene.bounds.size()[0] / 4.0;
     let across = [2.0, 1.0, 3.0].map(|count| (Axis::X, count * quarter));
@@ -27,12 +29,12 @@ fn eight_regions(scene: &Scene, coupling: Coupling) -> LocalWorld {
         ..WorldConfig::for_scene(scene)
     };
     (config.step.coupling, config.step.exchanges) = (coupling, coupling.usual_exchanges());
-    // Those that lie on one another are not all to be one region's.
+    // Ragdolls that lie on one another must not all go to one region.
     config.step.island_limit = 256;
     LocalWorld::from_scene(scene, config).unwrap()
 }
 
-/// Runs a world, and says how far the two anchors of its joints were apart in all steps.
+/// Runs a world, and returns how far the two anchors of its joints were apart over all steps.
 fn apart<W: Measured>(scene: &Scene, world: &mut W, step: impl Fn(&mut W)) -> Apart {
     const TICKS: usize = 240;
     let mut gaps = Vec::new();
@@ -59,11 +61,11 @@ fn holds(set: &[&str], couplings: &[Coupling]) {
     for &coupling in couplings {
         let mut world = eight_regions(&scene, coupling);
         let cut = apart(&scene, &mut world, |world| world.step().unwrap());
-        // The largest of one run is a matter of luck.
+        // The largest distance of one run is a matter of luck.
         for (own, most) in [(cut.one_in_1000, 1.1 * bare.one_in_1000), (cut.largest, 1.3 * bare.largest)] {
             assert!(own <= most + 1e-4, "{coupling:?}: {cut:?}, in one world {bare:?}");
         }
-        // Two ragdolls' bodies at least: what only meets another region's stays where it is.
+        // At least the bodies of two ragdolls: a body that only meets another region's stays where it is.
         assert!(world.stats().transfers > 22, "{coupling:?}: {:?}", world.stats());
     }
 }

@@ -1,4 +1,5 @@
-//! Tests that a server saves the world that its nodes compute, and goes back to it: real QUIC, nodes and clients in this process.
+//! Tests that a server saves the world that its nodes compute, and goes back to it. Uses real QUIC, with
+//! nodes and clients in this process.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +23,8 @@ fn node(server: &World) -> World {
     World::join_as_node(&join(server, JoinRole::Node)).unwrap()
 }
 
-/// Ground, a heap that collapses over the border, and a pendulum of two balls that swings across it.
+/// Returns a world with ground, a heap that collapses over the border, and a pendulum of two balls that
+/// swings across it; and the first box and the two balls.
 fn game() -> (World, [BodyId; 3]) {
     let mut world = World::new(cut()).unwrap();
     world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
@@ -54,7 +56,7 @@ fn place(world: &World, id: BodyId) -> [f64; 3] {
     world.pose(id).unwrap().translation
 }
 
-/// Steps all until it is so.
+/// Steps all worlds until the condition holds.
 fn until(what: &str, worlds: &mut [&mut World], mut is_so: impl FnMut(&[&mut World]) -> bool) {
     let deadline = Instant::now() + LIMIT;
     while !is_so(worlds) {
@@ -78,7 +80,7 @@ fn a_copy_is_served_without_its_source() {
     let (mut local, _) = game();
     let folder = tempfile::tempdir().unwrap();
     let serve = local.copy_to_serve().unwrap();
-    // Others go on with it while the server stands by.
+    // The source goes on, and ends, before the copy is served.
     local.step().unwrap();
     let bodies = local.movable_bodies().count();
     drop(local);
@@ -129,7 +131,7 @@ fn a_game_goes_back_for_its_clients_with_all_that_came_and_went() {
     assert!((distance_m(&saved, bob, weight) - 1.0).abs() < 0.01, "the rope was saved at one moment");
     assert_eq!((saved.joints_of(weight).len(), saved.contains(early)), (1, true));
 
-    // Meanwhile.
+    // Meanwhile, bodies come and go.
     let late = client.insert(RigidBodyBuilder::dynamic().translation(Vector::Y * 15.0), ball()).unwrap();
     let new = server.insert(RigidBodyBuilder::dynamic().translation(Vector::Y * 20.0), ball()).unwrap();
     server.remove(first).unwrap();
@@ -149,7 +151,7 @@ fn a_game_goes_back_for_its_clients_with_all_that_came_and_went() {
         let client = &worlds[1];
         client.contains(weight) && client.contains(first) && !client.contains(new) && client.contains(late)
     });
-    // It goes on as a local world does from there; what Rapier remembers of contacts is not in it.
+    // It goes on as a local world does from there, but without what Rapier remembers of contacts.
     for _ in 0..120 {
         saved.step().unwrap();
     }
@@ -239,7 +241,7 @@ fn a_world_becomes_another_that_was_made_elsewhere() {
 fn who_has_no_world_to_save_says_who_has() {
     let folder = tempfile::tempdir().unwrap();
     let mut server = game().0.serve_copy(ServeConfig::new(folder.path())).unwrap();
-    // Before anybody computes it, the record is all that there is.
+    // Before anybody computes the world, the record is all that there is.
     let mut bytes = Vec::new();
     server.save(&mut bytes).unwrap();
     assert_eq!(World::restore(&bytes[..], 1).unwrap().movable_count(), 26);

@@ -1,5 +1,5 @@
-//! Tests what a client shows of a served world: near the truth of the tick that it shows, without jumps, over good and bad networks; and
-//! that a local world is shown alike.
+//! Tests what a client shows of a served world: near the truth of the shown tick and without jumps, over good
+//! and bad networks. Also tests that a local world is shown the same way.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -16,8 +16,8 @@ fn gas() -> World {
     World::from_scene(&scene, config).unwrap()
 }
 
-/// Returns whether time goes on in every frame, as it does unless no states come for longer than bodies are shown going on without them. It never
-/// goes back.
+/// Returns whether time goes on in every frame. It stops only if no states come for longer than bodies are
+/// shown going on without them. It never goes back.
 fn goes_on(frames: &[Frame]) -> bool {
     let way = |pair: &[Frame]| pair[1].time.shown - pair[0].time.shown;
     assert!(frames.windows(2).all(|pair| way(pair) >= 0.0), "time goes back");
@@ -29,12 +29,13 @@ fn behind(frames: &[Frame]) -> f64 {
     frames.iter().map(|frame| frame.time.now - frame.time.shown).fold(0.0, f64::max) * 1e3 / 60.0
 }
 
-/// Shows a gas of balls and cubes for three seconds over this network; what is shown is within so many millimetres of the truth.
+/// Shows a gas of balls and cubes for three seconds over this network, and checks that it is within this many
+/// millimetres of the truth.
 fn is_shown_well(weather: Weather, error_mm: f64, behind_ms: f64) {
     let mut stage = Stage::of(gas(), weather);
     stage.wait_ticks(120);
     let mut frames = stage.show(180);
-    // Whom the machine itself keeps waiting gets a second chance.
+    // The machine itself may delay a run, so there is a second attempt.
     if !goes_on(&frames) || behind(&frames) >= behind_ms {
         frames = stage.show(180);
     }
@@ -65,7 +66,7 @@ fn a_world_is_shown_well_far_away_with_jitter_and_losses() {
     is_shown_well(ms(100, 20, 0.05), 40.0, 450.0);
 }
 
-/// A third of what it costs without a limit.
+/// The limit is a third of what the client costs without one.
 #[test]
 fn a_client_that_asks_for_fewer_bytes_is_sent_no_more_and_still_shown_the_world() {
     const LIMIT_BYTES_PER_S: u32 = 5_000;
@@ -122,7 +123,7 @@ fn a_leader_that_falls_silent_makes_nothing_jump() {
     let scene = gas();
     let mut stage = Stage::of(scene, ms(0, 0, 0.0));
     stage.wait_ticks(60);
-    // Nobody computes for a moment; what moves is shown going on, and stops.
+    // The client hears nothing for a moment: what moves is shown going on, and then stops.
     stage.proxy.cut(None, None);
     let cut = stage.show(60);
     stage.proxy.heal();
@@ -135,7 +136,8 @@ fn a_leader_that_falls_silent_makes_nothing_jump() {
         for (a, b) in pair[0].bodies.iter().zip(&pair[1].bodies) {
             let way: f64 = (0..3).map(|i| (b.shown.translation[i] - a.shown.translation[i]).powi(2)).sum();
             let (way_m, speed_m_s) = (way.sqrt(), way.sqrt() / seconds);
-            // An error of 3 m melts in half a second, at 18 m/s at most, beside the body's own speed; a larger one is shown at once.
+            // An error of 3 m melts in half a second, at 18 m/s at most in addition to the body's own speed.
+            // A larger one is corrected at once.
             if way_m < 2.9 {
                 fastest_m_s = fastest_m_s.max(speed_m_s);
                 assert!(speed_m_s < 28.0, "{} jumps by {way_m} m in {seconds} s", a.id);

@@ -1,5 +1,5 @@
-//! Tests, by stored texts, what people and programs have come to rely on: help texts, keys, and the bytes of a message. A change
-//! here is a change for them; review it with `cargo insta review` or `INSTA_UPDATE=always`.
+//! Tests, by stored texts, what people and programs rely on: help texts, keys, and the bytes of a message. A
+//! change here is a change for them; review it with `cargo insta review` or `INSTA_UPDATE=always`.
 
 use std::process::Command;
 

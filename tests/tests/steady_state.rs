@@ -1,5 +1,5 @@
-//! Tests what a step and a body may cost in memory: in the steady state nothing is allocated per body, and a body takes little more than
-//! in a bare Rapier world.
+//! Tests the memory cost of a step and of a body: in the steady state nothing is allocated per body, and a
+//! body takes little more than in a bare Rapier world.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -9,18 +9,18 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use rapier3d::prelude::*;
 
-/// Counts what this thread allocates; tests run on threads of their own.
+/// An allocator that counts what this thread allocates. Tests run on threads of their own.
 struct Counting;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-    /// Bytes that are out.
+    /// The bytes in use.
     static BYTES: Cell<usize> = const { Cell::new(0) };
 }
 
 fn count(bytes: usize, freed: usize) {
     ALLOCATIONS.with(|count| count.set(count.get() + u64::from(bytes > 0)));
-    // What one thread allocates another may free.
+    // One thread may free what another allocated.
     BYTES.with(|count| count.set(count.get().wrapping_add(bytes).wrapping_sub(freed)));
 }
 
@@ -48,7 +48,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Allocations of one step, the fewest of 20, after 60 steps of a pile that does not sleep.
+/// Returns the allocations of one step: the fewest of 20, after 60 steps of a pile that does not sleep.
 fn allocations_per_step(mut step: impl FnMut()) -> u64 {
     for _ in 0..60 {
         step();
@@ -61,7 +61,8 @@ fn allocations_per_step(mut step: impl FnMut()) -> u64 {
     counted.min().unwrap()
 }
 
-/// Allocations of one step by this coupling and of the bare world's, and the replicas held.
+/// Returns the allocations of one step with this coupling and of one in the bare world, and the number of
+/// ghosts held.
 fn allocations(coupling: Coupling, n: usize, regions: usize) -> (u64, u64, usize) {
     let scene = Scene::named("pile", &Params::new().with("n", n)).unwrap();
     let config = WorldConfig::for_scene(&scene);
@@ -83,15 +84,17 @@ fn a_step_allocates_nothing_per_body() {
 
 fn compare() {
     for regions in [1, 2, 8] {
-        // Four times the bodies: what Rapier allocates in each region, and a fixed number for the exchange; the same again for what
-        // Rapier's parallel solver makes of bodies that an exchange has written.
+        // Four times the bodies. The limit is what Rapier allocates in each region and a fixed number for the
+        // exchange, and the same again for what Rapier's parallel solver makes of bodies that an exchange has
+        // written.
         let fixed = 8 + 8 * regions as u64;
         for n in [500, 2_000] {
             let (owner, bare, replicas) = allocations(Coupling::Owner, n, regions);
             assert!(regions == 1 || replicas > 50, "the border must have traffic");
             let most = regions as u64 * bare.max(1) + fixed;
             assert!(owner <= most, "{n} bodies in {regions} regions: {owner} allocations by owner");
-            // Towers are of ten: those that are replicated by `owner` are islands near a border, each with a few lists.
+            // Towers have ten boxes. Those of which `owner` holds ghosts are islands near a border, each with
+            // a few lists.
             let islands = replicas as u64 / 10;
             let (auto, ..) = allocations(Coupling::Auto, n, regions);
             let most = most + fixed + 5 * islands;
@@ -101,7 +104,7 @@ fn compare() {
     }
 }
 
-/// Makes something, and says how many bytes it takes.
+/// Makes something, and returns the bytes that it takes.
 fn bytes_of<W>(make: impl FnOnce() -> W) -> (usize, W) {
     let before = BYTES.with(Cell::get);
     let made = make();
@@ -118,7 +121,7 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
             let ball = |i: usize| {
                 let at = |k: usize| k as f32 * gap;
                 let place = Vector::new(at(i % 60), 0.5, at(i / 60));
-                // Each has user data of its own, as in most games, and two kinds take turns.
+                // Each ball has user data of its own, as in most games, and two kinds alternate.
                 let body = RigidBodyBuilder::dynamic().translation(place).user_data(i as u128);
                 (body, ColliderBuilder::ball(0.5).friction([0.5, 0.6][i % 2]))
             };
@@ -148,7 +151,8 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
                     ours / n,
                     bare / n
                 );
-                // With borders there are lists of who may be near them; and a copy near one is a body too.
+                // With borders there are lists of bodies that may be near them, and a copy near a border is a
+                // body too.
                 let most = if regions == 1 { 1.35 } else { 1.45 } * (bare * (n + copies) / n) as f64;
                 assert!((ours as f64) <= most, "{ours} bytes, bare {bare}");
                 let told = world.host().profile().memory_bytes as f64 / ours as f64;

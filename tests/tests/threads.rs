@@ -1,4 +1,4 @@
-//! Tests that bits do not depend on threads: how many there are, how regions share them, and whose they are.
+//! Tests that bits do not depend on threads: their number, how regions share them, and whose they are.
 
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
@@ -41,7 +41,8 @@ fn bits_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn regions_with_several_threads_each_give_the_same_bits() {
     let pile = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
-    // So many near the border that all threads of a team look at them, and one region with nearly all of them.
+    // So many bodies near the border that all threads of a team look at them; and a cut that leaves nearly
+    // all bodies in one region.
     let gas = Params::new().with("n", 3000).with("fill", 0.2).with("speed", 20);
     let gas = Scene::named("gas", &gas).unwrap();
     let aside = Partitioning::Cuts(vec![(Axis::X, 4.4)]);

@@ -1,4 +1,4 @@
-//! Tests what must hold of all regions between two ticks, in lively scenes, by every coupling.
+//! Tests what must hold for all regions between two ticks, in lively scenes, with every coupling.
 
 use dcd::physics::Coupling;
 use dcd::prelude::*;
@@ -49,7 +49,7 @@ fn a_body_that_is_put_elsewhere_or_removed_leaves_no_trace() {
     assert_eq!(world.movable_count(), 2);
 }
 
-/// The default coupling; the regions are at rest when the body comes, so nobody would look at what is said.
+/// The regions are at rest when the body comes, so nobody would look at what is said.
 #[test]
 fn a_body_that_comes_into_a_world_at_rest_is_held_by_whom_its_owner_believes() {
     for (kind, coupling) in [RigidBodyType::Dynamic, RigidBodyType::KinematicPositionBased]

@@ -1,11 +1,13 @@
-//! Tests vehicles, which are driven where they are computed: in one region, over borders, in every coupling, and over the network.
+//! Tests vehicles, which are driven where they are computed: in one region, over borders, with every
+//! coupling, and over the network.
 
 use dcd::prelude::*;
 use dcd::{Axis, Costs, Refusal, StepSettings};
 use dcd_tests::served::Served;
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 
-/// A world with ground, whole or with borders at x = 6 and z = 1.3, which nothing here is symmetrical to.
+/// Returns a world with ground: whole, or with borders at x = 6 and z = 1.3, to which nothing here is
+/// symmetrical.
 fn world(cuts: usize, coupling: Coupling) -> World {
     let cuts = [(Axis::X, 6.0), (Axis::Z, 1.3)][..cuts].to_vec();
     let partitioning = Partitioning::Cuts(cuts);
@@ -38,7 +40,7 @@ fn forward(throttle: f32) -> Drive {
     Drive { throttle, ..Drive::default() }
 }
 
-/// One region, and four by every coupling.
+/// Returns the world in one region, and in four with every coupling.
 fn worlds() -> impl Iterator<Item = (String, World)> {
     let couplings = [Coupling::Auto, Coupling::Overlap, Coupling::Owner, Coupling::Proxy];
     let cut = couplings.into_iter().map(|coupling| (format!("{coupling:?}"), world(2, coupling)));
@@ -182,7 +184,7 @@ fn it_stands_on_what_another_region_owns_and_pushes_what_is_in_its_way() {
     }
 }
 
-/// Its wheels alone reach the deck, whose owner is another region.
+/// Only its wheels reach the deck, which another region owns.
 #[test]
 fn a_high_one_stands_on_a_deck_that_its_chassis_is_far_above() {
     for (name, mut world) in worlds() {
@@ -208,7 +210,8 @@ fn a_high_one_stands_on_a_deck_that_its_chassis_is_far_above() {
     }
 }
 
-/// It is split among the regions as long as it touches what another owns: each copy has its part of the engine.
+/// The car is split among regions as long as it touches what another region owns: each copy has its part of
+/// the engine.
 #[test]
 fn it_pushes_a_load_across_a_border_no_faster_than_in_one_region() {
     let mut speeds = Vec::new();
@@ -226,7 +229,7 @@ fn it_pushes_a_load_across_a_border_no_faster_than_in_one_region() {
     assert!(alone > 1.5 && at > 4.5, "{alone} m/s at {at}");
     for (name, speed, at) in &speeds[1..] {
         println!("{name}: {speed} m/s at {at}, in one region {alone} m/s");
-        // `proxy` lets the load feel nothing of the car's mass.
+        // With `proxy` the load feels nothing of the car's mass.
         assert!(
             name == "Proxy" || (speed / alone - 1.0).abs() < 0.15,
             "{name}: {speed} m/s, in one region {alone}"
@@ -234,18 +237,19 @@ fn it_pushes_a_load_across_a_border_no_faster_than_in_one_region() {
     }
 }
 
-/// The height of hills that nothing here is tuned to, metres.
+/// Returns the height of hills to which nothing here is tuned, metres.
 fn hill_m(x: f32, z: f32) -> f32 {
     1.2 * (0.11 * x).sin() * (0.13 * z + 0.4).cos() + 0.35 * (0.31 * x + 0.23 * z).sin()
 }
 
-/// Numbers from -1 to 1 by a seed.
+/// Returns a number from -1 to 1, by a seed.
 fn random(seed: &mut u64) -> f32 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*seed >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// Trucks of six wheels, carts of three and cars, all by drivers that do not look, on a mesh of hills, among crates, over borders.
+/// Trucks with six wheels, carts with three, and cars, all with drivers that do not look, on a mesh of hills,
+/// among crates, over borders.
 #[test]
 fn a_crowd_of_drivers_stays_on_the_hills_in_every_coupling() {
     const HALF: i32 = 40;
@@ -320,7 +324,7 @@ fn a_crowd_of_drivers_stays_on_the_hills_in_every_coupling() {
     }
 }
 
-/// Wheels that are all steered across push it nowhere along its front, by which its speed might be told.
+/// Wheels that are all steered across do not push the car along its front, by which its speed might be told.
 #[test]
 fn no_wheel_pushes_it_beyond_its_top_speed() {
     for turned in [0.0, std::f32::consts::FRAC_PI_2] {
@@ -386,7 +390,8 @@ fn what_cannot_drive_is_refused() {
     }
 }
 
-/// Numbers at the edge of what is let in end no world: Rapier's controller asserts that its forces are numbers.
+/// Allowed numbers at the edge of their ranges must not end a world: Rapier's controller asserts that its
+/// forces are numbers.
 #[test]
 fn odd_ones_end_no_world() {
     let mut heavy = Vehicle::default();
@@ -417,7 +422,7 @@ fn odd_ones_end_no_world() {
         };
         let vehicle = Vehicle { wheels: vec![wheel; 3], top_speed_m_s: 1e4 };
         let heavy = chassis().density([1e-20, 1.0, 1e25, 1e37][round % 4]);
-        // Faster ones are refused.
+        // Faster bodies are refused.
         let (ahead, down) = (pick().min(280.0), pick().min(280.0));
         let body =
             RigidBodyBuilder::dynamic().linvel(Vector::new(ahead, -down, 0.0)).angvel(Vector::X * pick());
@@ -445,14 +450,14 @@ fn a_clients_vehicle_is_driven_by_the_nodes() {
     served.until("it stands", |client| client.body(car).is_some_and(|body| body.sleeping));
     let at = place(&served.client, car);
     assert!(at[0] > 7.0 && (0.55..0.95).contains(&at[1]), "on its wheels: {at:?}");
-    // The program may put it back, and drive it, too.
+    // The server's program may also put it back, and drive it.
     served.server.set_pose(car, WorldPose::at([0.0, 1.0, 5.0])).unwrap();
     served.server.drive(car, forward(-0.5)).unwrap();
     served.until("it is put back, and drives backwards", |client| {
         let [x, _, z] = place(client, car);
         x < -1.0 && (z - 5.0).abs() < 0.5
     });
-    // Its node goes, and it drives on.
+    // A node goes, and the car drives on.
     served.client.drive(car, forward(1.0)).unwrap();
     served.nodes.pop();
     served.until("it comes by once more", |client| place(client, car)[0] > 8.0);
@@ -470,7 +475,7 @@ fn a_vehicle_whose_velocity_is_set_in_each_step_hears_its_driver() {
     while place(&served.client, car)[0] < 2.0 {
         assert!(steps < 3_000, "{:?}", place(&served.client, car));
         steps += 1;
-        // As it is told to move: of itself it would never be faster.
+        // The car is set to its present velocity: by that alone it would never get faster.
         let velocity = served.client.velocity(car).unwrap();
         served.client.set_velocity(car, velocity).unwrap();
         served.client.drive(car, forward(1.0)).unwrap();
@@ -531,7 +536,7 @@ fn a_clients_vehicle_has_bounds_and_a_programs_has_none() {
     let mut springs = usual.clone();
     springs.wheels[0].stiffness = 1e6;
     assert_eq!(refused(&mut served, springs), Some(Refusal::Costly(Costs::Wheels)));
-    // Each is gentle, and all together turn a fall into a leap.
+    // Each damper is gentle, but together they turn a fall into a leap.
     let dampers = vec![Wheel { relaxation: 30.0, compression: 30.0, ..Wheel::default() }; 8];
     assert_eq!(
         refused(&mut served, Vehicle { wheels: dampers, ..usual.clone() }),

@@ -56,6 +56,8 @@ const FARTHER_TICKS: u64 = 64;
 /// The part of the work that lower rates must save, or they are given up, since for them all regions look
 /// farther ahead. Chosen, not measured.
 const FARTHER_COSTS: f64 = 0.1;
+/// The ticks for which lower rates are tried at least before they are given up.
+const TRIED_TICKS: u64 = 32;
 /// The weight of a tick in the average of what was saved.
 const SAVED_NEWER: f64 = 1.0 / 32.0;
 /// The largest share of the time at full rate that is reported.
@@ -273,7 +275,7 @@ impl Governor {
         let most = (coarsest - 1).max(owed);
         if most >= self.behind_most {
             (self.behind_most, self.farther_until) = (most, self.ticks + FARTHER_TICKS);
-        } else if self.ticks >= self.farther_until {
+        } else if !lags || self.ticks >= self.farther_until {
             self.behind_most = most;
         }
         behind.iter().map(|rank| regions[rank].state.region).collect()
@@ -284,12 +286,12 @@ impl Governor {
     fn weigh(&mut self, saved: f64) {
         self.saved += SAVED_NEWER * (saved - self.saved);
         let lasted = self.ticks.saturating_sub(self.lags_since);
-        if self.lags && self.saved < FARTHER_COSTS && lasted > FARTHER_TICKS {
+        if self.lags && self.saved < FARTHER_COSTS && lasted > TRIED_TICKS {
             let before = if lasted > 4 * self.lags_patience { 0 } else { self.lags_patience };
             self.lags_patience = (2 * before).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
             (self.lags, self.lags_since) = (false, self.ticks);
         } else if !self.lags && self.saved >= FARTHER_COSTS && lasted > self.lags_patience {
-            (self.lags, self.lags_since, self.saved) = (true, self.ticks, 1.0);
+            (self.lags, self.lags_since) = (true, self.ticks);
         }
     }
 

@@ -1,5 +1,5 @@
-//! Runs a small cluster in memory, whose links lose nothing and take no time, and writes down what each of its processes was given:
-//! inputs as honest processes send them.
+//! Runs a small cluster in memory over links without loss or delay, and writes down what each process was
+//! given. These scripts are inputs as honest processes send them.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -19,14 +19,14 @@ use dcd::{Balance, BodyId, BodyRecord, ClientId, NodeId, Velocity};
 use super::nodes::{node_config, perform};
 use super::script::{Kind, put};
 
-/// What happens to one process.
+/// An event of one process.
 enum Happening {
     Said(Peer, Box<Message>),
     Connected(Peer),
     Disconnected(Peer),
 }
 
-/// What computes the regions of nodes.
+/// Makes what computes the regions of a node.
 pub(super) type MakePhysics = fn() -> Box<dyn Physics>;
 
 /// The processes: a server, some nodes, one client.
@@ -41,8 +41,8 @@ pub(super) struct Cluster {
     physics: MakePhysics,
 }
 
-/// A world whose regions follow the load and whose groups form by delay, in lockstep, where other members than the leader tell clients, or
-/// without it.
+/// Returns a world whose groups form by delay. In lockstep its regions also follow the load, and relays tell
+/// its clients.
 #[must_use]
 pub(super) fn world(in_lockstep: bool) -> EnvironmentProperties {
     let lagging = SyncProtocol::Unsynchronised { lag_ticks: 2 };
@@ -82,7 +82,7 @@ pub(super) fn server_config(world: EnvironmentProperties) -> ServerConfig {
 }
 
 impl Cluster {
-    /// Starts the server, and nobody else.
+    /// Starts the server alone.
     #[must_use]
     pub(super) fn new(world: EnvironmentProperties, record: Record, physics: MakePhysics) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl Cluster {
         }
     }
 
-    /// Has the client bring an avatar.
+    /// Has the client create an avatar.
     pub(super) fn spawn(&mut self, body: BodyRecord) {
         self.client.handle(self.now, ClientEvent::Spawn { body, shapes: Vec::new() });
     }
@@ -132,12 +132,12 @@ impl Cluster {
             .handle(self.now, ClientEvent::Input { body, tick: Default::default(), velocity, pose: None });
     }
 
-    /// Tells the server something that comes from nobody.
+    /// Gives the server an event that comes from no other process.
     pub(super) fn command(&mut self, event: ServerEvent) {
         self.server.handle(self.now, event);
     }
 
-    /// Lets time pass.
+    /// Lets time pass, and delivers messages and timeouts meanwhile.
     pub(super) fn run(&mut self, time: Duration) {
         let until = self.now + time;
         while self.now < until {
@@ -148,13 +148,13 @@ impl Cluster {
         self.settle();
     }
 
-    /// Returns what a process was given.
+    /// Returns the script of what a process was given.
     #[must_use]
     pub(super) fn script(&self, of: Peer) -> Vec<u8> {
         self.scripts.get(&of).map(|(_, script)| script.clone()).unwrap_or_default()
     }
 
-    /// Returns what the server has stored.
+    /// Returns the entries that the server has stored.
     #[must_use]
     pub(super) fn stored(&mut self) -> Vec<Entry> {
         self.directory.load().expect("memory does not fail")
@@ -166,7 +166,7 @@ impl Cluster {
         &self.server
     }
 
-    /// Returns how much nodes and the server have refused of what the others said.
+    /// Returns how many messages of others the nodes and the server have refused.
     #[must_use]
     pub(super) fn refused(&self) -> u64 {
         self.nodes.values().map(|(node, _)| node.counters().refused).sum()
@@ -177,7 +177,7 @@ impl Cluster {
         self.mail.push_back((b, Happening::Connected(a)));
     }
 
-    /// Wakes whoever is due.
+    /// Handles the timeouts of all processes that are due.
     fn wake(&mut self) {
         let (now, is_due) = (self.now, |at: Option<Duration>| at.is_some_and(|at| at <= self.now));
         let server = is_due(self.server.poll_timeout());
@@ -206,7 +206,7 @@ impl Cluster {
         *before = self.now;
     }
 
-    /// Delivers until nothing is under way.
+    /// Delivers messages until none is on its way.
     fn settle(&mut self) {
         loop {
             self.collect();
@@ -250,7 +250,7 @@ impl Cluster {
         }
     }
 
-    /// Does what the processes want done.
+    /// Performs the outputs of all processes.
     fn collect(&mut self) {
         while let Some(output) = self.server.poll_output() {
             match output {
@@ -293,7 +293,7 @@ impl Cluster {
     }
 
     fn send(&mut self, from: Peer, to: Peer, message: Message) {
-        // What programs say does not reach the machines.
+        // The runtime takes these messages. The state machines never see them.
         if !matches!(message, Message::Program(Program::Taken(_))) {
             self.mail.push_back((to, Happening::Said(from, Box::new(message))));
         }

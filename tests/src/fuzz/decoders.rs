@@ -1,4 +1,5 @@
-//! Decodes bytes that nobody encoded: messages, states, what is said while joining, scenes, options, requests of browsers, snapshots and recordings.
+//! Decodes bytes that nobody encoded: messages, states, the handshake of joining, scenes, options, requests
+//! of browsers, snapshots and recordings.
 
 use std::cell::RefCell;
 use std::io::Cursor;
@@ -15,11 +16,11 @@ use dcd::{Params, Scene, Tick};
 
 use super::script::events;
 
-/// Decodes a message; what is one comes back from its own bytes.
+/// Decodes a message. A valid message survives encoding and decoding.
 pub(super) fn message(bytes: &[u8]) {
     if let Ok(message) = decode(bytes) {
         let again = encode(&message);
-        // Equal bytes, not equal values: some numbers may be none.
+        // The bytes are compared, not the values: a value may contain NaN.
         let twice = decode(&again).expect("what was decoded can be sent on");
         assert_eq!(encode(&twice), again);
     }
@@ -42,7 +43,7 @@ pub(super) fn states(script: &[u8]) {
     }
 }
 
-/// Reads what is said while joining, and texts of tokens.
+/// Reads messages of the joining handshake, and texts of tokens.
 pub(super) fn joining(bytes: &[u8]) {
     dcd::net::read_joining(bytes);
     let Ok(text) = std::str::from_utf8(bytes) else { return };
@@ -64,7 +65,7 @@ pub(super) fn loads(name: &str, content: &[u8]) -> bool {
     in_file(name, content, |path| Scene::load(path, &Params::default()).is_ok())
 }
 
-/// Has a file of this name and content read.
+/// Writes a file of this name and content, and has it read.
 fn in_file(name: &str, content: &[u8], read: impl FnOnce(&Path) -> bool) -> bool {
     FOLDER.with_borrow_mut(|folder| {
         let folder = folder.get_or_insert_with(|| tempfile::tempdir().expect("a folder can be made"));
@@ -79,24 +80,24 @@ pub(super) fn scene(text: &[u8]) {
     loads("scene.toml", text);
 }
 
-/// Loads a model, of one format and of the other.
+/// Loads a model, in either format.
 pub(super) fn model(text: &[u8]) {
     for name in ["model.xml", "model.urdf"] {
         loads(name, text);
     }
 }
 
-/// Reads what a browser sends to a viewer, and HTTP requests thus.
+/// Reads what a browser sends to a viewer, which includes HTTP requests.
 pub(super) fn page(bytes: &[u8]) {
     dcd::read_browser(bytes);
 }
 
-/// Reads a file of options, which begins no world anew whatever it has.
+/// Reads a file of options. No content of it begins a world anew.
 pub(super) fn config(text: &[u8]) {
     is_config(text);
 }
 
-/// Returns whether a file of this content is one of options.
+/// Returns whether a file of this content is a file of options.
 pub(super) fn is_config(content: &[u8]) -> bool {
     in_file("options.toml", content, dcd::cli::reads_config)
 }
@@ -106,7 +107,8 @@ pub(super) fn snapshot(bytes: &[u8]) {
     let _ = LocalWorld::restore(bytes, 1);
 }
 
-/// Computes what recorded nodes and servers need; local worlds need none, for their recordings hold snapshots, which are trusted.
+/// Stand-ins that compute what recorded nodes and servers need. Local worlds get none: their recordings hold
+/// snapshots, which are trusted.
 struct Stands;
 
 impl Computers for Stands {

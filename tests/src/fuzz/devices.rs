@@ -1,4 +1,4 @@
-//! Gives a node with real physics what no honest member of its group sends: Rapier computes with it.
+//! Gives a node with real physics, computed by Rapier, events that no honest member of its group sends.
 
 use std::sync::OnceLock;
 
@@ -10,7 +10,8 @@ use super::nodes::{node_config, play};
 use super::script::Event;
 use super::seeds;
 
-/// Runs a node that computes boxes which lie across the borders of its regions. What the server says it believes, so that is as it was.
+/// Runs a node that computes boxes across the borders of its regions. A node believes its server, so events
+/// of the server are skipped.
 pub(super) fn device(script: &[u8]) {
     static BEGINNING: OnceLock<Vec<u8>> = OnceLock::new();
     let (mut node, mut physics) = (Node::new(node_config(NodeId(2))), PhysicsDevice::new(1));

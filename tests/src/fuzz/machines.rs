@@ -1,4 +1,5 @@
-//! Gives the server and the client events that no honest process sends, and a server what no server has stored.
+//! Gives the server and the client events that no honest process sends, and restores a server from entries
+//! that no server has stored.
 
 use std::time::Duration;
 
@@ -13,7 +14,7 @@ use super::cluster::{points, server_config, world};
 use super::nodes::check_said;
 use super::script::{Event, Kind, events};
 
-/// How often one event may have a process wake itself.
+/// The most times in a row that a process may wake itself.
 const MOST_WAKES: usize = 64;
 
 /// Runs the server.
@@ -21,7 +22,7 @@ pub(super) fn server(script: &[u8]) {
     play_server(&mut Server::new(server_config(world(true)), points()), script);
 }
 
-/// Restores a server from what is stored, an entry per event, and has it wait for its nodes.
+/// Restores a server from stored entries, one per event, and lets it wait for its nodes.
 pub(super) fn directory(script: &[u8]) {
     let entries = events(script).map(|event| entry(&event)).collect();
     if let Ok(mut server) = Server::restore(server_config(world(true)), entries) {
@@ -34,7 +35,8 @@ pub(super) fn directory(script: &[u8]) {
     }
 }
 
-/// Returns the key that stands for one of its kind: a server reads the ids of groups, and of what it tells nodes again.
+/// Returns the directory entry of an event. Its key stands for all keys of its kind; only groups, and what a
+/// server tells nodes again, keep their ids.
 fn entry(event: &Event<'_>) -> Entry {
     let (body, joint) = (BodyId::persistent(event.from.into()), JointId(event.from.into()));
     let key = match event.kind % 10 {
@@ -52,7 +54,7 @@ fn entry(event: &Event<'_>) -> Entry {
     Entry { key, revision: Revision::default(), value: event.bytes.to_vec() }
 }
 
-/// Returns the kind by which [`directory`] knows a key, and the id that it keeps.
+/// Returns the kind by which [`directory`] knows a key, and the id in that key.
 #[must_use]
 pub(super) fn kind_of(key: &Key) -> (u8, u8) {
     match key {
@@ -88,7 +90,7 @@ fn play_server(server: &mut Server, script: &[u8]) {
     }
 }
 
-/// Returns something that the server's operator may want at any time.
+/// Returns an event that the server's operator may cause at any time.
 fn wanted(event: &Event<'_>) -> ServerEvent {
     match event.bytes.len() % 4 {
         0 => ServerEvent::Save,
@@ -149,7 +151,7 @@ pub(super) fn client(script: &[u8]) {
     }
 }
 
-/// Reads what a program reads each frame.
+/// Reads what a program reads in each frame.
 fn look_at(now: Duration, client: &mut Client) {
     let _ = client.name_tick(now);
     if let Some(time) = client.view_time(now) {

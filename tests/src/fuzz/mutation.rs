@@ -1,15 +1,15 @@
-//! Changes inputs at random: numbers that are too large, bytes that are missing, events that come twice, too early or from somebody
-//! else.
+//! Mutates inputs at random: numbers that are too large, missing bytes, events that come twice, too early or
+//! from another process.
 
 use dcd::sim::Random;
 
 use super::Form;
 use super::script::{Event, events, put_event};
 
-/// The longest input that a change makes.
+/// The longest mutated input, bytes.
 const MOST_BYTES: usize = 256 << 10;
 
-/// Numbers as messages hold them that are seldom there: in bincode's variable length, and as floats.
+/// Rarely sent numbers in the encodings of messages: bincode's variable-length integers, and floats.
 const NUMBERS: [&[u8]; 14] = [
     &[0],
     &[250],
@@ -27,11 +27,11 @@ const NUMBERS: [&[u8]; 14] = [
     &[255, 255, 255, 255, 255, 255, 239, 127],
 ];
 
-/// The same in texts.
+/// The same for texts: rare numbers and stray delimiters.
 const WORDS: [&str; 14] =
     ["-1", "0", "1e999", "-1e38", "nan", "inf", "18446744073709551616", "[", "]", "\"", "\n", "<", ">", "="];
 
-/// Returns an input with some changes; parts of `other` may come into it.
+/// Returns an input with some mutations, which may insert parts of `other`.
 #[must_use]
 pub fn changed(input: &[u8], other: &[u8], form: Form, seed: u64) -> Vec<u8> {
     let random = &mut Random::new(seed);
@@ -47,7 +47,7 @@ pub fn changed(input: &[u8], other: &[u8], form: Form, seed: u64) -> Vec<u8> {
     bytes
 }
 
-/// Returns a place in a list of this length, its end included.
+/// Returns a random position in a list of this length, its end included.
 fn place(length: usize, random: &mut Random) -> usize {
     random.below(length as u64 + 1) as usize
 }
@@ -73,7 +73,7 @@ fn changed_bytes(bytes: &[u8], other: &[u8], is_text: bool, random: &mut Random)
         _ => {
             let words: Vec<_> = WORDS.iter().map(|word| word.as_bytes()).collect();
             let number = random.pick(if is_text { &words } else { &NUMBERS }).unwrap_or_default();
-            // In place of one byte, of as many, or between two.
+            // It replaces no byte, one byte, or as many bytes as it has.
             let replaced = random.pick(&[0, 1, number.len()]).unwrap_or_default();
             let end = (at + replaced).min(bytes.len());
             bytes.splice(at.min(end)..end, number.iter().copied());

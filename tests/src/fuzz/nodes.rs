@@ -1,4 +1,5 @@
-//! Gives nodes events that no honest process sends, as a member and as the leader of a group; a stand-in computes their regions.
+//! Gives nodes events that no honest process sends, as members and as leaders of a group. A stand-in computes
+//! their regions.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -10,9 +11,9 @@ use dcd::{BodyId, NodeId, RegionId};
 
 use super::script::{Event, Kind, events};
 
-/// How often one event may have a process wake itself.
+/// The most times in a row that a process may wake itself.
 const MOST_WAKES: usize = 64;
-/// How often one event may ask the physics.
+/// The most commands that a node may give its physics in a row.
 const MOST_COMMANDS: usize = 256;
 
 /// Returns the configuration of a node.
@@ -28,7 +29,7 @@ pub(super) fn node_config(id: NodeId) -> NodeConfig {
     }
 }
 
-/// Does what a node asks of its physics, until it asks nothing more; returns what else it wants done.
+/// Executes a node's physics commands until it gives no more. Returns the node's other outputs.
 ///
 /// # Panics
 /// When the physics fails: nothing that another process sends may end this one.
@@ -48,7 +49,7 @@ pub(super) fn perform(now: Duration, node: &mut Node, physics: &mut dyn Physics)
     others
 }
 
-/// Gives a node these events, but those that `skips` names.
+/// Gives a node the events of a script, except those for which `skips` returns true.
 pub(super) fn play(node: &mut Node, physics: &mut dyn Physics, script: &[u8], skips: fn(&Event<'_>) -> bool) {
     let mut now = Duration::ZERO;
     for event in events(script).filter(|event| !skips(event)) {
@@ -69,7 +70,7 @@ pub(super) fn play(node: &mut Node, physics: &mut dyn Physics, script: &[u8], sk
     }
 }
 
-/// Wakes a node for as long as it is due.
+/// Handles a node's timeouts for as long as it is due.
 fn wake(now: &mut Duration, node: &mut Node, physics: &mut dyn Physics) {
     for _ in 0..MOST_WAKES {
         if node.poll_timeout().is_none_or(|at| *now < at) {
@@ -89,28 +90,28 @@ fn check(outputs: &[NodeOutput]) {
     }
 }
 
-/// Checks that an honest process takes what is sent.
+/// Checks that an honest process can decode a message.
 pub(super) fn check_said(message: &Message) {
     if let Err(error) = decode(&encode(message)) {
         panic!("others refuse what is said ({error}): {message:?}");
     }
 }
 
-/// Runs the node that leads.
+/// Runs the node that leads its group.
 pub(super) fn leader(script: &[u8]) {
     play(&mut Node::new(node_config(NodeId(1))), &mut Answering::default(), script, |_| false);
 }
 
-/// Runs a node that does not lead.
+/// Runs a node that does not lead its group.
 pub(super) fn member(script: &[u8]) {
     play(&mut Node::new(node_config(NodeId(2))), &mut Answering::default(), script, |_| false);
 }
 
-/// Physics that computes nothing, and answers in the form in which it must.
+/// Physics that computes nothing and answers each command in the required form.
 #[derive(Default)]
 struct Answering {
     rounds_left: u32,
-    /// What is computed once more.
+    /// The physics of each run that is computed again to verify it.
     runs: BTreeMap<u64, Self>,
 }
 

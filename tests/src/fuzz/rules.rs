@@ -1,4 +1,5 @@
-//! Has groups form by delays, and votes held by calls and ballots, that no network and no honest node gives.
+//! Forms groups from delays, and holds votes with calls and ballots, that no network and no honest node would
+//! produce.
 
 use std::time::Duration;
 
@@ -6,7 +7,8 @@ use dcd::NodeId;
 use dcd::cluster::{Ballot, Call, GroupPolicy, GroupRules, PollRules, Polls, best_group, form_groups};
 use dcd::protocol::Motion;
 
-/// The most nodes: `form_groups` searches cliques, within a bound that its own tests hold.
+/// The bound of the number of nodes: `form_groups` searches for cliques, within a limit that its own tests
+/// check.
 const NODES: u32 = 12;
 
 /// Forms groups by the first bytes, and holds votes by all of them.
@@ -15,7 +17,7 @@ pub(super) fn rules(bytes: &[u8]) {
     votes(bytes);
 }
 
-/// Every node is in one group, and no group is too large.
+/// Checks that every node is in exactly one group and that no group is too large.
 fn groups(bytes: &[u8]) {
     let Some((&[count, size, policy], delays)) = bytes.split_first_chunk::<3>() else { return };
     let nodes: Vec<_> = (1..=u32::from(count) % NODES).map(NodeId).collect();
@@ -40,7 +42,7 @@ fn groups(bytes: &[u8]) {
     assert!(best.is_none_or(|index| formed[index].len() < max_size), "there is room");
 }
 
-/// A vote ends once, and only who was asked decides.
+/// Checks that each vote ends once and that no candidate is among its voters.
 fn votes(bytes: &[u8]) {
     let (mut polls, mut now) = (Polls::new(PollRules::default()), Duration::ZERO);
     let mut over = Vec::new();

@@ -1,41 +1,41 @@
-//! Reads and writes events in bytes: a kind, who it is from, how long after the event before, and the bytes of what is said. Any
-//! bytes are some events, so that every change of a script is a script.
+//! Reads and writes events as bytes: a kind, the sender, the time since the event before, and a message. Any
+//! bytes are some sequence of events, so every mutated script is a script.
 
 use std::time::Duration;
 
 use dcd::cluster::Peer;
 use dcd::{ClientId, NodeId};
 
-/// The most events that are read: a long script finds no more than a short one.
+/// The most events that are read from a script: longer scripts find no more than short ones.
 const MOST: usize = 4_096;
-/// Kind, peer, milliseconds, and two bytes of length.
+/// The length of an event's head: kind, peer, milliseconds, and two bytes of length.
 const HEAD_BYTES: usize = 5;
 
-/// What kind of event it is.
+/// The kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A message.
+    /// A message arrives.
     Said,
-    /// A link is up.
+    /// A link is established.
     Connected,
-    /// A link is gone.
+    /// A link is lost.
     Disconnected,
     /// Time passes.
     Waited,
-    /// What the process's own user wants.
+    /// The process's own user asks for something.
     Wanted,
 }
 
-/// An event as it is written.
+/// An event in its encoded form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Event<'a> {
-    /// Its [`Kind`].
+    /// The code of its [`Kind`].
     pub(super) kind: u8,
-    /// Its [`Event::peer`].
+    /// The code of its [`Event::peer`].
     pub(super) from: u8,
-    /// The time since the event before.
+    /// The time since the event before, milliseconds.
     pub(super) after_ms: u8,
-    /// What is said.
+    /// The bytes of its message.
     pub(super) bytes: &'a [u8],
 }
 
@@ -61,12 +61,12 @@ const PEERS: [Peer; 8] = [
 ];
 
 impl Event<'_> {
-    /// Returns what it is.
+    /// Returns the kind of the event.
     pub(super) fn kind(&self) -> Kind {
         KINDS[usize::from(self.kind) % KINDS.len()]
     }
 
-    /// Returns who it is from.
+    /// Returns the process that the event is from.
     pub(super) fn peer(&self) -> Peer {
         PEERS[usize::from(self.from) % PEERS.len()]
     }
@@ -86,9 +86,9 @@ pub(super) fn put(to: &mut Vec<u8>, kind: Kind, from: Peer, after: Duration, byt
     put_event(to, &Event { kind, from, after_ms, bytes });
 }
 
-/// Appends an event as it is written.
+/// Appends an event in its encoded form.
 pub(super) fn put_event(to: &mut Vec<u8>, event: &Event<'_>) {
-    // Longer ones are cut off: so much says all.
+    // Longer messages are cut off: two bytes hold the length.
     let bytes = &event.bytes[..event.bytes.len().min(u16::MAX.into())];
     to.extend([event.kind, event.from, event.after_ms]);
     to.extend((bytes.len() as u16).to_le_bytes());

@@ -1,4 +1,4 @@
-//! Makes inputs as honest processes send them: what a small cluster says, and files as dcd writes them.
+//! Makes inputs as honest processes send them: the messages of a small cluster, and files as dcd writes them.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -27,7 +27,8 @@ use super::script::{Event, Kind, events, put, put_event};
 
 const AVATAR: BodyId = BodyId::avatar(ClientId(1), 0);
 
-/// A cluster that two nodes begin; a third comes, a client plays, a node dies, and the world ends.
+/// Runs the story of a cluster: two nodes begin it, a client plays, a third node comes, a node dies, and the
+/// world ends.
 fn story(in_lockstep: bool) -> Cluster {
     let mut cluster = Cluster::new(world(in_lockstep), points(), || Box::<StandIn>::default());
     let ms = Duration::from_millis;
@@ -51,7 +52,8 @@ fn story(in_lockstep: bool) -> Cluster {
     cluster
 }
 
-/// The same story, with the first events only: short inputs are changed more thoroughly.
+/// Returns the first 40, 120, 400 and 1,200 events of a script, each as a script. Short inputs are mutated
+/// more thoroughly.
 fn parts(script: &[u8]) -> Vec<Vec<u8>> {
     let all: Vec<_> = events(script).collect();
     [40, 120, 400, 1_200]
@@ -85,7 +87,7 @@ pub(super) fn members() -> Vec<Vec<u8>> {
     of(Peer::Node(NodeId(2)))
 }
 
-/// Every kind of message that the processes of the story exchange, some of each.
+/// Returns messages of every kind that the processes of the story exchange, some of each.
 pub(super) fn messages() -> Vec<Vec<u8>> {
     let cluster = story(true);
     let everybody = [Peer::Server, Peer::Client(ClientId(1)), Peer::Node(NodeId(1)), Peer::Node(NodeId(2))];
@@ -93,7 +95,7 @@ pub(super) fn messages() -> Vec<Vec<u8>> {
     let mut messages = Vec::new();
     for script in everybody.map(|who| cluster.script(who)) {
         for event in events(&script).filter(|event| event.kind() == Kind::Said) {
-            // Its variant, and mostly that of what it contains.
+            // The kind is the message's variant, mostly with the variant of its content.
             let kind = event.bytes.iter().take(2).copied().collect();
             let count = known.entry(kind).or_default();
             *count += 1;
@@ -108,7 +110,7 @@ pub(super) fn messages() -> Vec<Vec<u8>> {
     messages
 }
 
-/// What members say of participants that are computed once more.
+/// Returns the messages that members send to verify participants.
 fn of_verification() -> Vec<Vec<u8>> {
     let (view, tick) = (ViewNumber(3), Tick(9));
     let heard = |from| HeardBorder { round: 1, from: NodeId(from), digest: 0x0123_4567_89ab_cdef << from };
@@ -120,7 +122,7 @@ fn of_verification() -> Vec<Vec<u8>> {
     messages.iter().map(encode).collect()
 }
 
-/// Messages that no member of the story sends, and which zeros do not make.
+/// Returns messages that no process of the story sends, and that are not valid with zeros alone.
 fn by_hand() -> Vec<Vec<u8>> {
     let tree = DistributionTree::halved(Bounds::around([0.0; 3], [8.0; 3]), 2).expect("two regions");
     let body = sim_body(BodyId::persistent(7), [1.0; 3]);
@@ -141,7 +143,8 @@ fn by_hand() -> Vec<Vec<u8>> {
     of_client.iter().chain([&Message::Status(status)]).map(encode).collect()
 }
 
-/// The beginnings of messages of all kinds: the variant, and in envelopes that of what is in them, behind the id of a client.
+/// Returns the first bytes of messages of all kinds: the variant, and in envelopes also the variant of the
+/// content. In two envelopes the id of a client comes between the two.
 fn kinds() -> Vec<Vec<u8>> {
     const ENVELOPES: [&[u8]; 4] = [&[TO_NODE], &[TO_SERVER], &[FROM_CLIENT, 1], &[TO_CLIENT, 1]];
     let is_variant = |kind: &Vec<u8>| match decode(kind) {
@@ -162,7 +165,7 @@ const TO_SERVER: u8 = 2;
 const FROM_CLIENT: u8 = 8;
 const TO_CLIENT: u8 = 9;
 
-/// Returns the shortest message of a kind that has only zeros after its beginning, if that can be.
+/// Returns the shortest message that continues these first bytes with zeros alone, if there is one.
 fn shortest(kind: &[u8]) -> Option<Vec<u8>> {
     (0..600).map(|zeros| [kind, &vec![0; zeros]].concat()).find(|bytes| decode(bytes).is_ok())
 }
@@ -177,7 +180,7 @@ pub(super) fn directories() -> Vec<Vec<u8>> {
     vec![script]
 }
 
-/// Boxes in stacks, on both sides of every border.
+/// Returns boxes in stacks, on both sides of every border.
 fn boxes(coupling: Coupling) -> (EnvironmentProperties, Record) {
     let scene =
         Scene::named("pile", &Params::new().with("n", 9).with("height", 3)).expect("it is in the library");
@@ -191,7 +194,7 @@ fn boxes(coupling: Coupling) -> (EnvironmentProperties, Record) {
     (world, Record::new(bodies, shapes.records(), joints))
 }
 
-/// What the member of a group that computes boxes was given: until its first view began, and after.
+/// Returns the events of a member of a group that computes boxes: until its first view began, and after.
 fn computing() -> (Vec<u8>, Vec<u8>) {
     let (world, record) = boxes(Coupling::Auto);
     let mut cluster = Cluster::new(world, record, || Box::new(PhysicsDevice::new(1)));
@@ -213,11 +216,11 @@ pub(super) fn beginning_of_device() -> Vec<u8> {
 
 pub(super) fn devices() -> Vec<Vec<u8>> {
     let after = computing().1;
-    // A world that no other member takes part in says nothing of borders.
+    // If no other member takes part, no border messages are sent.
     parts(&after).into_iter().take(2).collect()
 }
 
-/// Datagrams of states that refer to those before.
+/// Returns datagrams of states that refer to earlier ones.
 pub(super) fn states() -> Vec<Vec<u8>> {
     let mut sender = Sender::new(FreeMotion::of(&sim_world(1).step), 0);
     let mut script = Vec::new();
@@ -238,7 +241,7 @@ pub(super) fn states() -> Vec<Vec<u8>> {
     vec![script]
 }
 
-/// Requests to join, to renew and their answers, as far as their form goes.
+/// Returns requests to join and to renew, and their answers, as far as their form goes.
 pub(super) fn joining() -> Vec<Vec<u8>> {
     let counted = |field: &[u8]| [&(field.len() as u16).to_be_bytes()[..], field].concat();
     let token = "dcd1-aaaa";
@@ -251,7 +254,7 @@ pub(super) fn joining() -> Vec<Vec<u8>> {
     vec![join, renew, admitted, refused, token_text()]
 }
 
-/// A token as a server's authority mints it.
+/// Returns a token as a server's authority mints it.
 fn token_text() -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let authority = dcd::net::Authority::load_or_create(folder.path()).expect("a new authority");
@@ -261,7 +264,7 @@ fn token_text() -> Vec<u8> {
     token.to_string().into_bytes()
 }
 
-/// Scene files with most tables.
+/// Returns scene files with most tables.
 pub(super) fn scenes() -> Vec<Vec<u8>> {
     let all = r#"
 [world]
@@ -305,7 +308,7 @@ b = "ball"
     all
 }
 
-/// Models of both formats.
+/// Returns models in both formats.
 pub(super) fn models() -> Vec<Vec<u8>> {
     let mjcf = r#"<mujoco><option timestep="0.01"/><worldbody><geom type="plane" size="5 5 .1"/>
 <body name="a" pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/>
@@ -328,7 +331,7 @@ pub(super) fn snapshots() -> Vec<Vec<u8>> {
     vec![bytes]
 }
 
-/// A file in memory that several hold.
+/// A file in memory with several owners.
 #[derive(Clone, Default)]
 struct Shared(Arc<Mutex<Vec<u8>>>);
 
@@ -342,7 +345,7 @@ impl Write for Shared {
     }
 }
 
-/// The recording of a member of the story.
+/// Returns the recording of a member of the story.
 pub(super) fn recordings() -> Vec<Vec<u8>> {
     let file = Shared::default();
     let mut recorder = Recorder::of_node(file.clone(), &node_config(NodeId(2)), true).expect("memory");
@@ -362,7 +365,7 @@ pub(super) fn recordings() -> Vec<Vec<u8>> {
     vec![bytes]
 }
 
-/// Delays of some nodes, and the course of some votes.
+/// Returns the delays of some nodes, and the course of some votes.
 pub(super) fn rules() -> Vec<Vec<u8>> {
     let delays = (0..200_u32).map(|i| (i * 37 % 251) as u8);
     let formed = [6, 20, 0].into_iter().chain(delays).collect();
@@ -377,7 +380,8 @@ pub(super) fn rules() -> Vec<Vec<u8>> {
     vec![formed, held.concat()]
 }
 
-/// Requests as browsers and Prometheus send them, and a stream with each of the messages that a page sends.
+/// Returns requests as browsers and Prometheus send them, and a stream with each of the messages that a page
+/// sends.
 pub(super) fn pages() -> Vec<Vec<u8>> {
     let get = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:4000\r\n\r\n").into_bytes();
     let mut pages: Vec<_> = ["/", "/view.js?key=key", "/metrics"].map(get).to_vec();
@@ -387,7 +391,7 @@ pub(super) fn pages() -> Vec<Vec<u8>> {
     let mut stream = head.to_vec();
     for kind in kinds.clone() {
         let number = if kind == 5 { 2.0_f64.to_le_bytes() } else { u64::from(kind).to_le_bytes() };
-        // A binary frame of nine bytes, masked by nothing.
+        // A binary frame of nine bytes, masked with zeros.
         stream.extend([0x82, 0x80 | 9, 0, 0, 0, 0, kind]);
         stream.extend(number);
     }
@@ -396,7 +400,7 @@ pub(super) fn pages() -> Vec<Vec<u8>> {
     pages
 }
 
-/// The files of options that dcd ships, and one with options of each kind.
+/// Returns the files of options that dcd ships, and one with options of each kind.
 pub(super) fn configs() -> Vec<Vec<u8>> {
     let text = "scene = \"tower\"\nnodes = 2\nunpaced = true\nset = [\"n=3\", \"mass=2\"]\ndata = \"folder\"\nlog-format = \"json\"\nverbose = 2\n";
     let files =

@@ -1,4 +1,4 @@
-//! Tests the proxy: order, loss, delay, doubling, cuts, and ports that are given back.
+//! Tests the proxy: order, loss, delay, duplicates, cuts, and ports that are released.
 
 use super::*;
 
@@ -26,7 +26,7 @@ impl Pair {
         self.near.send_to(&number.to_le_bytes(), self.front).unwrap();
     }
 
-    /// What comes next, within `limit`, and where from.
+    /// Returns the next number that arrives within `limit`, and its sender.
     fn receive(socket: &UdpSocket, limit: Duration) -> Option<(u32, SocketAddr)> {
         let mut bytes = [0; 4];
         socket.set_read_timeout(Some(limit)).unwrap();
@@ -39,7 +39,7 @@ impl Pair {
         }
     }
 
-    /// Sends packets in small groups that no socket's buffer is too small for, and says which arrived.
+    /// Sends packets in groups that fit every socket's buffer. Returns the numbers of those that arrived.
     fn arrived(&self, count: u32) -> Vec<u32> {
         let mut arrived = Vec::new();
         for number in 0..count {
@@ -54,7 +54,7 @@ impl Pair {
                     assert!(Instant::now() < deadline, "{:?}", self.proxy.traffic());
                     arrived.extend(Self::receive(&self.far, MILLISECOND).map(|(number, _)| number));
                 }
-                // On loopback what is sent is there.
+                // On loopback a packet has arrived once it is sent.
                 while let Some((number, _)) = Self::receive(&self.far, MILLISECOND) {
                     arrived.push(number);
                 }
@@ -68,7 +68,7 @@ impl Pair {
 fn in_clear_weather_all_arrives_in_order_and_answers_find_their_way() {
     let pair = Pair::new(1, Weather::default());
     assert_eq!(pair.arrived(500), (0..500).collect::<Vec<_>>());
-    // Two senders are two flows, with a way back each.
+    // Two senders are two flows, each with a way back.
     let other = UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut seen = Vec::new();
     for (sender, number) in [(&pair.near, 7_u32), (&other, 8)] {
@@ -121,7 +121,7 @@ fn delays_are_as_long_as_asked_for_and_keep_the_order() {
             pair.send(u32::try_from(sent.len()).unwrap());
             sent.push(Instant::now());
         }
-        // Some milliseconds from one to the next.
+        // The next packet comes within some milliseconds.
         while let Some((number, _)) = Pair::receive(&pair.far, 3 * MILLISECOND) {
             assert_eq!(number as usize, delays_ms.len(), "out of order");
             delays_ms.push(sent[number as usize].elapsed().as_secs_f64() * 1e3);
@@ -130,7 +130,7 @@ fn delays_are_as_long_as_asked_for_and_keep_the_order() {
     let mean = delays_ms.iter().sum::<f64>() / 400.0;
     let (least, most) = delays_ms.iter().fold((f64::MAX, 0.0_f64), |(a, b), &d| (a.min(d), b.max(d)));
     println!("{mean:.0} ms on average, {least:.0} to {most:.0}");
-    // A busy machine only makes them longer, but not every one of them.
+    // A busy machine only lengthens delays, but not all of them.
     assert!((49.0..90.0).contains(&least) && most > 110.0, "{least} {most}");
     assert!(mean >= 80.0, "{mean}");
 }
@@ -143,7 +143,7 @@ fn cuts_go_one_way_or_both_and_heal() {
     send();
     let (_, from) = Pair::receive(&pair.far, PATIENCE).unwrap();
     let answer = || pair.far.send_to(&[2, 0, 0, 0], from).unwrap();
-    // What must come may take its time.
+    // Expected packets may take their time.
     let arrives = |socket: &UdpSocket, must: bool| {
         let limit = if must { PATIENCE } else { Duration::from_millis(100) };
         Pair::receive(socket, limit).is_some()
@@ -168,7 +168,7 @@ fn cuts_go_one_way_or_both_and_heal() {
 
 #[test]
 fn what_is_on_its_way_when_it_is_cut_does_not_arrive() {
-    // Long enough for the cut to come in time, on a busy machine, too.
+    // Long enough for the cut to come in time even on a busy machine.
     let delay = Duration::from_secs(2);
     let pair = Pair::new(1, Weather { delay, ..Weather::default() });
     pair.send(1);

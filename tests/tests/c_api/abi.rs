@@ -1,13 +1,15 @@
-//! Tests that a program compiled with the `dcd.h` that is kept as baseline runs with this one.
+//! Tests that a program compiled with the baseline `dcd.h` runs with the present library.
 //!
-//! The baseline is `dcd-ffi/abi/dcd.h`, the header without its comments. A function, type or constant of it that is gone or different fails,
-//! whatever is installed; libabigail (`abidiff` of package abigail-tools), where it is, compares what a compiler makes of both besides. What is
-//! only added breaks nothing. After a change that is meant to break programs, and after each release, the baseline is made anew:
+//! The baseline is `dcd-ffi/abi/dcd.h`, the header without its comments. The test fails if a function, type
+//! or constant of the baseline is gone or different. Where libabigail is installed (`abidiff` of package
+//! abigail-tools), it also compares what a compiler makes of both headers. Additions break nothing. After a
+//! change that is meant to break programs, and after each release, renew the baseline:
 //! `UPDATE=1 cargo test -p dcd-tests --test c_api abi`.
 //!
-//! `abidiff` reads types from debugging information. That of Rust names Rust's types, so it is given libraries that a C compiler
-//! makes of the headers: every function with an empty body. That the real library has these functions and layouts is checked
-//! elsewhere: by the exported symbols, and by the header's own asserts.
+//! `abidiff` reads types from debugging information. Rust's debugging information names Rust's types, so
+//! `abidiff` is given libraries that a C compiler makes of the headers, with an empty body for every
+//! function. Other tests check that the real library has these functions and layouts: by the exported
+//! symbols, and by the header's own asserts.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -16,7 +18,7 @@ use std::process::Command;
 use crate::library::declarations;
 use crate::toolchain::{is_installed, root, run, run_well};
 
-/// A shared library whose interface is that of a header.
+/// Builds a shared library whose interface is that of a header.
 fn library_of(header: &str, folder: &Path, name: &str) -> PathBuf {
     let folder = folder.join(name);
     std::fs::create_dir(&folder).unwrap();
@@ -31,12 +33,12 @@ fn library_of(header: &str, folder: &Path, name: &str) -> PathBuf {
     library
 }
 
-/// What breaks programs between two headers; empty when nothing does. What is only added breaks none.
+/// Returns the changes between two headers that break programs, or nothing. Additions break no program.
 fn broken(old: &str, new: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let libraries = [library_of(old, folder.path(), "old"), library_of(new, folder.path(), "new")];
     let outcome = run(Command::new("abidiff").arg("--no-added-syms").args(libraries));
-    // 1 and 2 say that it could not compare.
+    // The bits 1 and 2 say that it could not compare.
     let code = outcome.status.code().expect("it is not killed");
     assert_eq!(code & 3, 0, "{}{}", outcome.stdout, outcome.stderr);
     if code == 0 { String::new() } else { outcome.stdout }
@@ -50,7 +52,7 @@ fn baseline() -> PathBuf {
     root().join("dcd-ffi/abi/dcd.h")
 }
 
-/// A header without comments, empty lines and what it asserts of itself.
+/// Returns a header without comments, empty lines and its own asserts.
 fn bare(header: &str) -> String {
     let mut text = String::new();
     let mut rest = header;
@@ -66,13 +68,15 @@ fn bare(header: &str) -> String {
         .collect()
 }
 
-/// What programs are compiled with: functions, types, and constants but those of the version, each on one line.
+/// Returns what programs are compiled with, each item on one line: functions, types, and constants except
+/// those of the version.
 fn promises(bare: &str) -> BTreeSet<String> {
     let (directives, code): (Vec<_>, Vec<_>) = bare.lines().partition(|line| line.starts_with('#'));
     let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let constants = directives.into_iter().filter(|line| line.starts_with("#define DCD_"));
     let constants = constants.filter(|line| {
-        // The values that structs start from are compiled into programs, and may change for those to come.
+        // The initial values of structs are compiled into programs. They may change for programs compiled
+        // later.
         !["DCD_VERSION", "_INIT", "DCD_API", "\\"].iter().any(|exempt| line.contains(exempt))
     });
     let code = code.join("\n").replace("extern \"C\" {", "");
@@ -93,7 +97,7 @@ fn promises(bare: &str) -> BTreeSet<String> {
     items
 }
 
-/// The part of a version within which programs go on without being compiled anew: "0.1", "1".
+/// Returns the part of a version within which programs need not be compiled again: "0.1", "1".
 fn compatible(header: &str) -> String {
     let part = |name: &str| {
         let line = header.lines().find_map(|line| line.strip_prefix(&format!("#define DCD_VERSION_{name} ")));
@@ -158,7 +162,7 @@ fn a_function_more_breaks_nothing_and_any_other_change_is_found() {
     assert!(broken(&more, &now).contains("dcd_more"));
     let narrow = now.replacen("bool dcd_world_is_valid(", "uint32_t dcd_world_is_valid(", 1);
     assert!(broken(&now, &narrow).contains("dcd_world_is_valid"));
-    // Of the same size, so that the header's own asserts are content.
+    // The type has the same size, so that the header's own asserts still hold.
     let swapped = now.replacen("    float gravity[3];", "    uint32_t gravity[3];", 1);
     assert!(broken(&now, &swapped).contains("gravity"));
 }

@@ -1,15 +1,16 @@
-/* All memory of the library comes from functions of the program's: run by `.ci/run`, with a library that was built for it. */
+/* All memory of the library comes from the program's functions. Run by `.ci/run`, with a library built for
+ * it. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
 #include <stdatomic.h>
 
-/* Blocks and bytes that are out, and whether one came back as another. */
+/* Blocks and bytes in use, calls so far, and blocks that came back as another. */
 typedef struct Heap {
     atomic_size_t blocks, bytes, calls, wrong;
 } Heap;
 
-/* Before each block: what it was asked for with. */
+/* The head before each block: the size and alignment that were asked for. */
 typedef struct Head {
     size_t size, alignment;
     void *start;
@@ -67,7 +68,7 @@ int main(void)
             OK(dcd_step(world));
         const size_t full = heap.bytes;
         OK(dcd_world_destroy(world));
-        /* What threads that are still ending hold may be left. */
+        /* Threads that are still ending may hold some memory. */
         HOLDS(full - before > 500 * 500 && heap.bytes < before + 65536);
     }
     HOLDS(heap.calls > 1000 && heap.wrong == 0);

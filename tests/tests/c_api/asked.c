@@ -1,4 +1,5 @@
-/* Functions that a world asks about contacts: who passes through whom, what a sensor detects, one-way floors, belts, ice. */
+/* Functions that a world asks about contacts: which bodies pass through each other, what a sensor detects,
+ * one-way floors, belts, ice. */
 #include "checks.h"
 
 #include <math.h>
@@ -6,7 +7,7 @@
 
 enum { GHOST = 1, PLAIN = 2, BELT = 3, DOOR = 4, ICE = 5 };
 
-/* What the functions saw; several threads write it. */
+/* What the functions saw. Several threads write it. */
 typedef struct Seen {
     pthread_mutex_t lock;
     DcdWorld world;
@@ -25,7 +26,7 @@ static DcdPairAnswer on_filter(void *context, const DcdHookedPair *pair)
     Seen *seen = context;
     DcdWorldInfo info = DCD_WORLD_INFO_INIT;
     const DcdStatus inside = dcd_world_info(seen->world, &info);
-    const bool valid = dcd_body_is_valid(seen->world, pair->a); /* not from within */
+    const bool valid = dcd_body_is_valid(seen->world, pair->a); /* always false from within */
     pthread_mutex_lock(&seen->lock);
     seen->filtered++;
     seen->inside = inside;
@@ -136,7 +137,7 @@ int main(void)
     HOLDS(fabs(pose_of(world, slider).p[0] - -2.0) < 0.1); /* 3 m in a second, without friction */
     HOLDS(dcd_body_is_valid(world, guest));
 
-    /* Without functions all is as it was made. */
+    /* Without functions, contacts are as the bodies' definitions say. */
     const size_t before = seen.modified;
     DcdVelocity velocity;
     OK(dcd_hooks_set(world, NULL));

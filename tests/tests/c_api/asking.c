@@ -1,5 +1,5 @@
-/* Every kind of question: asked at once where the world is, and submitted there, as a client and as a participant of two nodes.
- * All must say the same: `asking FOLDER`, run by served.rs. */
+/* Every kind of query: asked at once in a local world, and submitted to a served one, as a client and as a
+ * participant of two nodes. All answers must be the same: `asking FOLDER`, run by served.rs. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
@@ -8,7 +8,7 @@
 
 enum { BODIES = 9, MOST = 64 };
 
-/* A world with the shapes to ask with and the bodies of the scene in it. */
+/* A world with the shapes to query with and the bodies of the scene in it. */
 typedef struct Place {
     DcdWorld world;
     DcdShapeId ball, plank, hull, both, mesh;
@@ -39,7 +39,7 @@ static DcdBodyId put(DcdWorld world, DcdBodyType type, DcdShapeId shape, double 
     return body;
 }
 
-/* Shapes to ask with; the bodies are there in order of age. */
+/* Makes the shapes to query with. The bodies come in the order in which they were made. */
 static Place at(DcdWorld world)
 {
     const float half[3] = { 0.5f, 0.1f, 0.25f };
@@ -58,7 +58,7 @@ static Place at(DcdWorld world)
     return place;
 }
 
-/* Nothing moves in it; ground on both sides of the border, and bodies on either. */
+/* A scene in which nothing moves: ground on both sides of the border, and bodies on either side. */
 static DcdWorld scene(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -86,7 +86,7 @@ static DcdWorld scene(void)
     return world;
 }
 
-/* Steps until a query that is polled like this is answered. */
+/* Steps until a query that is polled by this call is answered. */
 #define POLL(place, call) \
     do { \
         DcdStatus status_ = (call); \
@@ -97,7 +97,7 @@ static DcdWorld scene(void)
         OK(status_); \
     } while (0)
 
-/* Bodies are named differently in every world. */
+/* Compares hits. Bodies have other ids in every world, so only whether there is a body is compared. */
 #define SAME(a, b, count) \
     do { \
         for (size_t i_ = 0; i_ < (count); i_++) { \
@@ -107,7 +107,7 @@ static DcdWorld scene(void)
         HOLDS(memcmp(a, b, (count) * sizeof *(a)) == 0); \
     } while (0)
 
-/* What all overlook. */
+/* The filter number `which`, kept in `room`. */
 static const DcdFilter *filter(const Place *place, int which, DcdFilter *room)
 {
     *room = (DcdFilter)DCD_FILTER_INIT;
@@ -118,7 +118,7 @@ static const DcdFilter *filter(const Place *place, int which, DcdFilter *room)
     return which == 0 ? NULL : room;
 }
 
-/* Where the bodies above the ground are. */
+/* Whether a body lies above the ground at this x. */
 static bool is_over_one(int x)
 {
     return x % 4 != 0 && (x < -2 || x > 2);
@@ -161,7 +161,7 @@ static size_t casts(const Place *place, DcdShapeCast *out)
         out[count].margin = count % 3 ? 0.125f : 0.0f;
         out[count++].exclude = x == -2 ? place->bodies[0] : cast.exclude;
     }
-    /* Along all of them; one that starts in a body and leaves it, and one that does not. */
+    /* Along the row: towards a body, from inside of one, and from inside of one on the way out. */
     for (int i = 0; i < 3; i++) {
         out[count] = cast;
         out[count].shape = place->ball;
@@ -215,7 +215,7 @@ static size_t boxes(DcdBoxQuery *out)
     return 3;
 }
 
-/* By user data, whom anything met; once more than is asked about. */
+/* By user data: the bodies that any query met. Place 0 is for queries that met none. */
 static bool seen[BODIES + 1];
 
 static void sees(uint64_t user_data)
@@ -256,7 +256,7 @@ static void same_casts(const Place *here, const Place *there, int which)
         sees(told[i].user_data);
 }
 
-/* Shapes, points and boxes, by `kind`. */
+/* Overlaps of shapes, points or boxes, by `kind`. */
 static void same_overlaps(const Place *here, const Place *there, int which, int kind)
 {
     DcdShapeQuery shape[MOST];
@@ -293,7 +293,7 @@ static void same_overlaps(const Place *here, const Place *there, int which, int 
         sees(told[i].user_data);
 }
 
-/* The answers here and there are the same, to the bit; all bodies are met by something of each kind. */
+/* The answers here and there are the same to the bit, and queries of each kind meet every body. */
 static void same(const Place *here, const Place *there)
 {
     for (int kind = -2; kind < 3; kind++) {
@@ -311,7 +311,7 @@ static void same(const Place *here, const Place *there)
     }
 }
 
-/* What may be submitted, and what becomes of too much of it. */
+/* The bounds of what may be submitted, and the errors beyond them. */
 static void bounds(const Place *place)
 {
     enum { MOST_SHAPES = DCD_MAX_SUBMITTED_COST / DCD_SHAPE_COST };
@@ -348,7 +348,7 @@ static void bounds(const Place *place)
     many[0].flags = 0;
     HOLDS(query.v == 0);
 
-    /* Each is fetched by its own call. */
+    /* Each kind of query is fetched by its own call. */
     OK(dcd_shape_casts_submit(world, many, 1, NULL, &query));
     FAILS(dcd_query_poll(world, query, &ray, 1, &count), DCD_ERR_ARGUMENT, "dcd_query_poll_casts");
     FAILS(dcd_query_poll_overlaps(world, query, &overlap, 1, ends, &count), DCD_ERR_ARGUMENT, "dcd_query_poll_casts");
@@ -359,7 +359,7 @@ static void bounds(const Place *place)
     OK(dcd_query_cancel(world, query));
     FAILS(dcd_query_poll_overlaps(world, query, &overlap, 1, ends, &count), DCD_ERR_STALE_ID, "query");
 
-    /* Too little room closes nothing. */
+    /* Too small a buffer does not close the query. */
     for (int i = 0; i < DCD_MAX_SUBMITTED_COST; i++) {
         all[i] = (DcdBoxQuery)DCD_BOX_QUERY_INIT;
         for (int k = 0; k < 3; k++) {
@@ -382,7 +382,7 @@ static void bounds(const Place *place)
     FAILS(dcd_query_poll_overlaps(world, query, &overlap, 1, ends, &count), DCD_ERR_SMALL_BUFFER, "room");
     OK(dcd_query_cancel(world, query));
 
-    /* More than an answer holds. */
+    /* Overlaps beyond what an answer can hold. */
     OK(dcd_overlap_boxes_submit(world, all, DCD_MAX_SUBMITTED_COST, NULL, &query));
     status = DCD_ERR_BUSY;
     for (int tries = 0; status == DCD_ERR_BUSY && tries < 6000; tries++) {
@@ -392,7 +392,7 @@ static void bounds(const Place *place)
     HOLDS(status == DCD_ERR_LIMIT);
     FAILS(dcd_query_poll_overlaps(world, query, &overlap, 1, ends, &count), DCD_ERR_STALE_ID, "query");
 
-    /* All that may be open at once. */
+    /* As much as may be open at once. */
     size_t opened = 0;
     while (opened < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST)
         OK(dcd_shape_casts_submit(world, many, MOST_SHAPES, NULL, &open[opened++]));
@@ -435,7 +435,7 @@ int main(int argc, char **argv)
     OK(dcd_client_connect(&sees_it, &client));
     Place apart = at(client), within = at(participant), above = at(server);
 
-    /* One of the participant's two regions is the other node's. */
+    /* The participant computes one of the two regions, the other node the other. */
     bool is_here[2] = { false, false };
     for (int tries = 0; is_here[0] == is_here[1] && tries < 6000; tries++) {
         step(participant);

@@ -1,4 +1,5 @@
-/* What the functions of the C API do when used as meant: each group in a small world of its own. */
+/* The behaviour of the C API's functions when used as intended. Each group of checks has a small world of its
+ * own. */
 #include "checks.h"
 
 #include <math.h>
@@ -119,7 +120,7 @@ static void members_of_a_body_count(void)
     def.flags = 0;
     def.pose.p[0] = 2.0;
     def.pose.p[1] = 2.0;
-    def.mask = 2; /* the floor belongs to all groups, this one meets group 2 only and belongs to group 1 */
+    def.mask = 2; /* it is in group 1 and meets group 2 only; the floor is in all groups */
     def.groups = 1;
     DcdBodyId rests = add(world, def);
     def.pose.p[0] = 4.0;
@@ -182,7 +183,7 @@ static void pushes_push(void)
     OK(dcd_world_destroy(world));
 }
 
-/* Steps until a contact of this kind is told of; gives it back, or one of kind 99. */
+/* Steps until a contact of this kind is reported. Returns the contact, or one of kind 99 if there is none. */
 static DcdContact next_contact(DcdWorld world, uint32_t kind)
 {
     DcdContact none = { { 0 }, { 0 }, 0, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 99, 0, 0, 0, 0, 0 };
@@ -219,7 +220,7 @@ static void events_tell(void)
     NEAR(contact.point[1], 0.0, 0.1);
     NEAR(contact.normal[1], 1.0, 1e-3);
 
-    steps(world, 20); /* it lies and is not asleep yet */
+    steps(world, 20); /* it lies but is not asleep yet */
     OK(dcd_events(world, &events));
     HOLDS(events.force_count == 1);
     if (events.force_count == 1) {
@@ -275,7 +276,7 @@ static void a_transfer_is_told_once(void)
     OK(dcd_world_destroy(world));
 }
 
-/* A body that lies across the border is held, and told of, on both sides; one far from it is not. */
+/* A body across the border is held and reported on both sides; a body far from it is not. */
 static void topology_says_who_owns_what_and_what_borders_share(void)
 {
     DcdWorld world = make_world(2, 1, -10.0f);
@@ -307,7 +308,7 @@ static void topology_says_who_owns_what_and_what_borders_share(void)
     HOLDS(owner.region == DCD_NO_REGION && owner.holders == 2 && owner.flags == 0);
     OK(dcd_world_destroy(world));
 
-    /* Without moving islands whole, both boxes live in both regions. */
+    /* With the coupling `overlap`, islands are not moved whole: both boxes live in both regions. */
     DcdWorldDef overlap = DCD_WORLD_DEF_INIT;
     overlap.regions = 2;
     overlap.coupling = DCD_COUPLING_OVERLAP;
@@ -330,7 +331,7 @@ static void topology_says_who_owns_what_and_what_borders_share(void)
     OK(dcd_world_destroy(world));
 }
 
-/* What DcdBodyDef says can be changed later, of the bodies of scenes too. */
+/* What DcdBodyDef says can be changed later, also for bodies of scenes. */
 static void surfaces_can_be_changed(void)
 {
     DcdWorld world = make_world(2, 1, -10.0f);
@@ -381,7 +382,7 @@ static DcdColliderProperties collider_of(DcdWorld world, DcdBodyId body, uint32_
     return properties;
 }
 
-/* A body whose definition has something to say in every member. */
+/* A body whose definition sets every member to an unusual value. */
 static DcdBodyDef peculiar(DcdWorld world)
 {
     DcdBodyDef def = crate(world, 20.0, 50.0);
@@ -439,7 +440,7 @@ static void every_member_of_a_body_is_read_back(void)
     HOLDS(collider.events == DCD_EVENT_CONTACT && collider.force_threshold == 3.0f && collider.pairs == def.pairs);
     HOLDS(collider.groups == 5 && collider.mask == 6 && collider.solver_groups == 9 && collider.solver_mask == 10);
 
-    /* Given to another body, they make it the same. */
+    /* Given to another body, these properties make it the same. */
     DcdBodyId other = add(world, crate(world, -20.0, 50.0));
     DcdBodyProperties usual = properties_of(world, other), again;
     DcdColliderProperties plain = collider_of(world, other, 0), collider_again;
@@ -451,7 +452,7 @@ static void every_member_of_a_body_is_read_back(void)
     OK(dcd_collider_set_properties(world, other, 0, &collider));
     collider_again = collider_of(world, other, 0);
     HOLDS(memcmp(&collider_again, &collider, sizeof collider) == 0);
-    /* And back again. */
+    /* The former properties undo that. */
     OK(dcd_body_set_properties(world, other, &usual));
     again = properties_of(world, other);
     HOLDS(memcmp(&again, &usual, sizeof as) == 0);
@@ -459,7 +460,7 @@ static void every_member_of_a_body_is_read_back(void)
     HOLDS(collider_of(world, other, 0).frame.p[1] == 0.0f && collider_of(world, other, 0).friction == 0.5f);
     NEAR(info_of(world, other).mass, 1000.0, 0.01);
 
-    /* What is asleep and given back as it was sleeps on. */
+    /* A sleeping body sleeps on when its properties are set to what they are. */
     OK(dcd_body_sleep(world, other));
     OK(dcd_body_set_properties(world, other, &again));
     HOLDS(info_of(world, other).sleeping);
@@ -478,7 +479,7 @@ static void changed_bodies_behave_so(void)
     DcdBodyProperties as;
     add_floor(world);
 
-    /* A body that is fixed hangs in the air, one that is dynamic again falls; what is disabled is not there. */
+    /* A body made fixed hangs in the air; made dynamic again, it falls. A disabled body takes no part. */
     DcdBodyId fixed = add(world, crate(world, -30.0, 20.0)), gone = add(world, crate(world, -25.0, 20.0));
     DcdBodyId light = add(world, crate(world, -20.0, 20.0)), held = add(world, crate(world, -15.0, 20.0));
     DcdBodyId slow = add(world, crate(world, -10.0, 20.0));
@@ -513,7 +514,7 @@ static void changed_bodies_behave_so(void)
     NEAR(velocity_of(world, fixed).linear[1], -5.0, 0.05);
     HOLDS(pose_of(world, gone).p[1] < 19.0);
 
-    /* Half a ton more, half a metre up. */
+    /* 500 kg more, then 0.6 m higher. */
     DcdBodyId heavy = add(world, crate(world, 10.0, 20.0));
     as = properties_of(world, heavy);
     as.extra_mass = 500.0f;
@@ -525,7 +526,7 @@ static void changed_bodies_behave_so(void)
     NEAR(info_of(world, heavy).mass, 1500.0, 0.1);
     NEAR(info_of(world, heavy).centre[1], 20.2, 1e-3);
 
-    /* Who dominates is not pushed back by a hundred times its mass. */
+    /* A dominant body is not pushed back by a body a hundred times as heavy. */
     DcdBodyDef def = crate(world, 20.0, 0.5);
     def.friction = 0.0f;
     def.friction_rule = DCD_COMBINE_MULTIPLY;
@@ -546,10 +547,10 @@ static void speed_and_spin_are_as_asked(void)
     DcdWorld world = make_world(2, 1, 0.0f);
     const float plate[3] = { 0.02f, 5.0f, 5.0f }, book[3] = { 0.5f, 0.1f, 0.3f };
     DcdBodyDef wall = DCD_BODY_DEF_INIT, def = crate(world, -4.0, 0.0);
-    wall.body_type = DCD_KINEMATIC; /* no body jumps through fixed ones */
+    wall.body_type = DCD_KINEMATIC; /* bodies never jump through fixed ones */
     OK(dcd_shape_box(world, plate, &wall.shape));
     add(world, wall);
-    /* Bullets of 300 m/s at a plate of 4 cm: one passes, one looks ahead, one is swept. */
+    /* Bullets of 300 m/s at a plate of 4 cm: one passes, one has soft CCD, one has CCD. */
     OK(dcd_shape_sphere(world, 0.05f, &def.shape));
     def.velocity.linear[0] = 300.0f;
     def.pose.p[1] = -3.0;
@@ -567,7 +568,7 @@ static void speed_and_spin_are_as_asked(void)
     HOLDS(pose_of(world, bullet).p[0] > 10.0);
     HOLDS(pose_of(world, careful).p[0] < 0.0 && pose_of(world, swept).p[0] < 0.0);
 
-    /* 200 rad/s is more than a quarter turn a step. */
+    /* 200 rad/s is more than a quarter turn per step. */
     def = crate(world, 20.0, 20.0);
     def.velocity.angular[1] = 200.0f;
     def.flags = DCD_BODY_NO_SLEEP;
@@ -575,7 +576,7 @@ static void speed_and_spin_are_as_asked(void)
     def.pose.p[0] = 25.0;
     def.flags |= DCD_BODY_FAST_SPIN;
     DcdBodyId wheel = add(world, def);
-    /* A book tumbles about its middle axis, but for one without gyroscopic torque. */
+    /* A book tumbles about its middle axis, unless it has no gyroscopic torque. */
     def = crate(world, 30.0, 20.0);
     OK(dcd_shape_box(world, book, &def.shape));
     def.velocity.angular[0] = 0.05f;
@@ -636,7 +637,7 @@ static void materials_and_groups_combine(void)
     def.pose.p[2] = 10.0;
     def.friction_rule = DCD_COMBINE_AVERAGE;
     DcdBodyId wood = add(world, def);
-    /* A skin keeps it off the ground. */
+    /* A contact skin keeps it off the ground. */
     DcdBodyId cushioned = add(world, crate(world, 20.0, 0.7));
     collider = collider_of(world, cushioned, 0);
     collider.contact_skin = 0.1f;
@@ -646,7 +647,7 @@ static void materials_and_groups_combine(void)
     NEAR(velocity_of(world, wood).linear[0], 0.0, 0.01);
     NEAR(pose_of(world, cushioned).p[1], 0.6, 0.02);
 
-    /* Seen and not pushed: it falls through the ground, and the contact is told of. */
+    /* Detected but not pushed: it falls through the ground, and the contact is reported. */
     def = crate(world, 30.0, 2.0);
     def.events = DCD_EVENT_CONTACT;
     def.solver_mask = 0;
@@ -655,7 +656,7 @@ static void materials_and_groups_combine(void)
     steps(world, 60);
     HOLDS(pose_of(world, ghost).p[1] < -2.0);
 
-    /* One match is enough for those that both say so. */
+    /* Two bodies that both have DCD_BODY_ANY_GROUP collide if one of the two matches the other. */
     def = crate(world, 35.0, 10.0);
     def.body_type = DCD_FIXED;
     def.flags = DCD_BODY_ANY_GROUP;
@@ -673,7 +674,7 @@ static void materials_and_groups_combine(void)
     def.groups = 4;
     steps(world, 120);
     NEAR(pose_of(world, either).p[1], 11.0, 0.05);
-    NEAR(pose_of(world, both).p[1], 12.0, 0.05); /* on the other one, which it matches both ways */
+    NEAR(pose_of(world, both).p[1], 12.0, 0.05); /* on the other one: the two match each other both ways */
     collider = collider_of(world, either, 0);
     collider.flags = 0;
     OK(dcd_collider_set_properties(world, either, 0, &collider));
@@ -682,7 +683,7 @@ static void materials_and_groups_combine(void)
     HOLDS(pose_of(world, either).p[1] < 10.0);
     OK(dcd_world_destroy(world));
 
-    /* A fixed sensor notices a door only if it asks for such pairs. */
+    /* A fixed sensor detects a door only if it asks for such pairs. */
     world = make_world(2, 1, 0.0f);
     def = crate(world, 0.0, 0.0);
     def.flags = DCD_BODY_SENSOR;
@@ -720,14 +721,14 @@ static void colliders_come_and_go(void)
     as.locked = DCD_LOCK_TURN_X | DCD_LOCK_TURN_Z;
     OK(dcd_body_set_properties(world, body, &as));
     steps(world, 120);
-    NEAR(pose_of(world, body).p[1], 1.25, 0.03); /* on its foot */
+    NEAR(pose_of(world, body).p[1], 1.25, 0.03); /* it stands on its foot */
 
     OK(dcd_body_set_events(world, body, 1, DCD_EVENT_CONTACT, 0.0f));
     OK(dcd_body_set_pose(world, body, &(DcdPose){ { 5.0, 2.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
     DcdContact contact = next_contact(world, DCD_CONTACT_BEGAN);
     HOLDS(contact.a.v == ground.v && contact.b.v == body.v && contact.collider_b == 1);
 
-    /* A longer foot, set off centre as its frame says, and a switched off one. */
+    /* A larger foot, with the offset of its frame, and then a disabled one. */
     DcdShapeId bigger = { 0 };
     OK(dcd_shape_sphere(world, 0.5f, &bigger));
     OK(dcd_collider_set_shape(world, body, 1, bigger));
@@ -743,7 +744,8 @@ static void colliders_come_and_go(void)
     HOLDS(info_of(world, body).colliders == 1);
     NEAR(info_of(world, body).mass, 1000.0, 0.1);
 
-    /* A compound that touches several becomes a ball: Rapier would not forget all of its contacts. */
+    /* A compound that touches several bodies becomes a ball. Rapier by itself would not forget all of its
+     * contacts. */
     const DcdShapeId two[2] = { bigger, bigger };
     const DcdFrame sides[2] = { { { -0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } }, { { 0.4f, 0.0f, 0.0f }, { 0, 0, 0, 1 } } };
     DcdBodyDef def = crate(world, 20.0, 0.7);
@@ -816,7 +818,7 @@ static void forces_add_up(void)
     OK(dcd_world_destroy(world));
 }
 
-/* A post at the origin and a crate beside it, tied at the post. */
+/* A post at the origin and a crate beside it, with a joint at the post. */
 static DcdJointDef tied(DcdWorld world, DcdJointType type)
 {
     DcdJointDef joint = DCD_JOINT_DEF_INIT;
@@ -852,7 +854,8 @@ static void joints_hold(void)
     HOLDS(pose_of(world, joint.b).p[1] < -3.0);
     OK(dcd_world_destroy(world));
 
-    /* About x, where the crate lies: it spins on the spot at the motor's speed, until the motor stops. */
+    /* About x, the axis on which the crate lies: it spins on the spot at the motor's speed, until the motor
+     * stops. */
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_REVOLUTE);
     joint.flags = DCD_JOINT_MOTOR;
@@ -870,7 +873,7 @@ static void joints_hold(void)
     NEAR(velocity_of(world, joint.b).angular[0], -1.0, 0.05); /* nothing brakes it */
     OK(dcd_world_destroy(world));
 
-    /* Along x, pushed by a motor against the limit, which is moved and taken away. */
+    /* Along x: a motor pushes against the limit, which is then moved and removed. */
     world = make_world(2, 1, 0.0f);
     joint = tied(world, DCD_JOINT_PRISMATIC);
     joint.flags = DCD_JOINT_MOTOR | DCD_JOINT_LIMIT;
@@ -896,7 +899,7 @@ static void joints_hold(void)
     HOLDS(pose_of(world, joint.b).p[0] > 4.5);
     OK(dcd_world_destroy(world));
 
-    /* A pendulum: it keeps its distance and comes down. */
+    /* A pendulum: it keeps its distance and swings down. */
     world = make_world(2, 1, -10.0f);
     joint = tied(world, DCD_JOINT_SPHERICAL);
     OK(dcd_joint_create(world, &joint, &id));
@@ -907,7 +910,7 @@ static void joints_hold(void)
     OK(dcd_world_destroy(world));
 }
 
-/* Ropes, springs, servos: what holds by distance or by stiffness. */
+/* Joints that hold by a distance or a stiffness: ropes, springs, servos. */
 static void joints_pull(void)
 {
     DcdJointId id;
@@ -928,7 +931,7 @@ static void joints_pull(void)
     NEAR(joint_info(world, id).position, 3.0, 0.02);
     HOLDS(joint_info(world, id).joint_type == DCD_JOINT_ROPE);
     const float shorter[2] = { 0.0f, 2.0f };
-    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Z, shorter)); /* its axes are one */
+    OK(dcd_joint_set_limit(world, id, DCD_AXIS_Z, shorter)); /* a rope has one limit for all axes */
     steps(world, 240);
     NEAR(joint_info(world, id).position, 2.0, 0.02);
     OK(dcd_world_destroy(world));
@@ -963,7 +966,7 @@ static void joints_pull(void)
     OK(dcd_joint_get_motor(world, id, DCD_AXIS_TURN_X, &read));
     HOLDS(read.position == motor.position && read.stiffness == 200.0f && read.damping == 30.0f);
     HOLDS(read.velocity == 0.0f && read.max_force == motor.max_force && read.model == DCD_MOTOR_ACCELERATION);
-    /* Its strength and not its will: too weak to turn. */
+    /* The motor gets another target but no force, and does not turn. */
     motor.position = 1.0f;
     motor.max_force = 0.0f;
     OK(dcd_joint_set_motor(world, id, DCD_AXIS_TURN_X, &motor));
@@ -974,7 +977,7 @@ static void joints_pull(void)
 
 static void generic_joints_free_what_they_are_told(void)
 {
-    /* Free along y only, between -1 and 1, and driven there. */
+    /* Free along y only, between -1 and 1, and driven to both ends. */
     DcdWorld world = make_world(2, 1, -10.0f);
     DcdJointDef joint = tied(world, DCD_JOINT_GENERIC);
     DcdJointId id;
@@ -1000,7 +1003,7 @@ static void generic_joints_free_what_they_are_told(void)
     NEAR(info.offset.q[3], 1.0, 1e-3);
     OK(dcd_world_destroy(world));
 
-    /* A cone of 0.5 rad about x, held at the origin: the crate falls until the cone holds it. */
+    /* A cone of 0.5 rad about x, held at the origin: the crate falls until the cone stops it. */
     world = make_world(2, 1, -10.0f);
     joint = tied(world, DCD_JOINT_GENERIC);
     joint.locked = DCD_LOCK_X | DCD_LOCK_Y | DCD_LOCK_Z;
@@ -1024,7 +1027,7 @@ static void joints_are_changed_and_found(void)
     steps(world, 60);
     NEAR(fabs((double)joint_info(world, first).force[1]), 10000.0, 200.0); /* 1000 kg */
 
-    /* Longer by a metre, then switched off and on again. */
+    /* A metre longer, then switched off and on again. */
     const DcdFrame farther = { { -3.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } };
     OK(dcd_joint_set_frames(world, first, NULL, &farther));
     steps(world, 120);
@@ -1102,7 +1105,7 @@ static void every_shape_rests_on_every_ground(void)
     }
 }
 
-/* How many of the regions of a cubic box are bounded along y. */
+/* The number of regions of a cubic box that are bounded along y. */
 static size_t level_cuts(uint32_t regions, uint32_t axes, float down_x)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -1193,7 +1196,7 @@ static void what_has_no_mass_does_not_hang_in_the_air(void)
         OK(dcd_world_destroy(world));
     }
 
-    /* Nor what has lost all that it had besides. */
+    /* Nor does a body that has lost all its extra mass. */
     DcdWorld world = make_world(2, 1, -10.0f);
     DcdBodyDef def = crate(world, 0.0, 10.0);
     def.density = 0.0f;
@@ -1220,7 +1223,7 @@ static void what_has_no_mass_does_not_hang_in_the_air(void)
     OK(dcd_world_destroy(world));
 }
 
-/* Of several bodies of which one is refused none has been there. */
+/* If one of several bodies is refused, none of them is created. */
 static void several_bodies_come_all_or_none(void)
 {
     const float corners[12] = { -1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1 };
@@ -1239,14 +1242,14 @@ static void several_bodies_come_all_or_none(void)
     HOLDS(view.count == 1);
     steps(world, 60);
     NEAR(velocity_of(world, next).linear[1], -10.0, 0.2);
-    /* Who has not asked for a time to show sees it as it is. */
+    /* Without a call of dcd_view_time, a body is shown as it is. */
     DcdPose shown;
     OK(dcd_view_body(world, next, 75.0, &shown, NULL));
     HOLDS(shown.p[1] == pose_of(world, next).p[1]);
     OK(dcd_world_destroy(world));
 }
 
-/* A leg of a model lies across its axes. Whatever is changed of its mass, its inertia stays about the leg's own. */
+/* A leg of a model lies across its axes. Whatever is changed of its mass, the axes of its inertia stay. */
 static void a_part_of_a_model_keeps_its_axes(const char *path)
 {
     char name[600];
@@ -1293,7 +1296,7 @@ static void a_part_of_a_model_keeps_its_axes(const char *path)
         }
         before = after;
     }
-    /* Without that mass it has no axes but the body's own, to which it may be given another. */
+    /* Without that mass the body has only its own axes, and it may be given another mass about them. */
     DcdBodyProperties as = properties_of(world, leg);
     as.body_type = DCD_KINEMATIC;
     as.extra_mass = 0.0f;
@@ -1406,7 +1409,7 @@ static void views_and_bulk_agree(void)
     OK(dcd_world_destroy(world));
 }
 
-/* What a program keeps of bodies, each in its slot: which, and in the how manieth view it was last. */
+/* What a program keeps of bodies, by slot: the body, and the number of the view that had it last. */
 enum { SLOTS = 16 };
 typedef struct Kept {
     DcdBodyId ids[SLOTS];
@@ -1414,7 +1417,8 @@ typedef struct Kept {
     unsigned views;
 } Kept;
 
-/* Takes in a view: no two bodies have one slot, and none goes from one body to another from one view to the next. */
+/* Takes in a view. No two bodies share a slot, and no slot goes from one body to another between two
+ * successive views. */
 static void keep(const DcdStateView *view, Kept *kept)
 {
     kept->views++;
@@ -1455,14 +1459,15 @@ static void a_body_keeps_its_slot_in_all_views(void)
     }
     keep(&view, &kept);
 
-    /* In each round one goes and another comes, with or without a view between; the third stays, and so does its slot. */
+    /* In each round a body goes and another comes, with or without a view in between. The third body stays,
+     * and so does its slot. */
     const DcdBodyId stays = bodies[2];
     for (int round = 0; round < 24; round++) {
         DcdBodyId *gone = &bodies[round % 8];
         if (gone->v != stays.v) {
             OK(dcd_body_destroy(world, *gone));
             if (round % 3 == 0) {
-                steps(world, 1); /* a view that lacks it */
+                steps(world, 1); /* a view without it */
                 OK(dcd_state_view(world, &view));
                 keep(&view, &kept);
                 HOLDS(view.count == 7);
@@ -1481,7 +1486,7 @@ static void a_body_keeps_its_slot_in_all_views(void)
             HOLDS(shown.slots[i] == slot_of(&view, shown.ids[i]));
         }
     }
-    HOLDS(view.slot_count == 9); /* eight bodies, and one slot that waits for a view without its body */
+    HOLDS(view.slot_count == 9); /* eight bodies, and one slot that is not free before a view without its body */
     OK(dcd_world_destroy(world));
 }
 
@@ -1505,7 +1510,7 @@ static void threads_do_not_change_the_result(void)
     HOLDS(hashes[0] == hashes[1] && hashes[1] == hashes[2]);
 }
 
-/* Two crates in a row meet a third at the border of two regions: as each coupling has it. */
+/* Two crates in a row hit a third at the border of two regions, under each coupling. */
 static void couplings_are_as_asked(void)
 {
     const DcdCoupling couplings[] = { DCD_COUPLING_PROXY, DCD_COUPLING_OWNER, DCD_COUPLING_OVERLAP,
@@ -1568,7 +1573,7 @@ static void lay_out(DcdWorld world, DcdBodyId row[ROW])
     }
 }
 
-/* What a function of a query has seen, and how it answers. */
+/* The bodies that a query's function has seen, and how it answers. */
 typedef struct Seen {
     uint32_t bodies; /* bit i: body 100 + i */
     int calls, limit;
@@ -1668,10 +1673,10 @@ static void rays_meet_what_the_filter_lets_through(void)
     lay_out(world, row); /* no step is needed */
     rays[0].origin[0] = -5.0; /* along the row */
     rays[0].direction[0] = 2.0f;
-    rays[1].origin[0] = 20.0; /* and back, not farther than the gate */
+    rays[1].origin[0] = 20.0; /* and back, not past the gate */
     rays[1].direction[0] = -1.0f;
     rays[1].max_distance = 14.0f;
-    rays[2].origin[1] = 5.0; /* past all */
+    rays[2].origin[1] = 5.0; /* above all bodies */
     rays[2].direction[0] = 1.0f;
     OK(dcd_cast_rays(world, rays, 3, NULL, hits));
     HOLDS(hits[0].body.v == row[WALL].v && hits[0].user_data == 100 && hits[0].collider == 0 && hits[0].normal[0] == -1.0f);
@@ -1687,7 +1692,7 @@ static void rays_meet_what_the_filter_lets_through(void)
     }
     HOLDS(hits[4].body.v == row[DOOR].v && hits[5].body.v == row[GATE].v);
 
-    /* Each way of overlooking. */
+    /* Each way to filter bodies out. */
     const struct Case {
         uint32_t flags, mask, left;
     } cases[] = {
@@ -1721,7 +1726,7 @@ static void rays_meet_what_the_filter_lets_through(void)
     OK(dcd_cast_rays_all(world, rays, 1, &filter, hits, 8, ends, &total));
     HOLDS(total == 0 && ends[0] == 0);
 
-    /* A query of group 2 is met by those whose mask has it. */
+    /* A query of group 2 meets the bodies whose mask has group 2. */
     OK(dcd_body_set_groups(world, row[WALL], 0, 1, 1));
     rays[0].mask = 0xFFFFFFFFu;
     rays[0].exclude.v = 0;
@@ -1730,7 +1735,7 @@ static void rays_meet_what_the_filter_lets_through(void)
     OK(dcd_cast_rays(world, rays, 1, &filter, hits));
     HOLDS(hits[0].body.v == row[CRATE].v);
 
-    /* From inside of the wall: at once, or on the way out. */
+    /* From inside of the wall: a hit at once, or on the way out. */
     rays[0].origin[0] = 0.25;
     OK(dcd_cast_rays(world, rays, 1, NULL, hits));
     HOLDS(hits[0].body.v == row[WALL].v && hits[0].distance == 0.0f && hits[0].normal[0] == 0.0f);
@@ -1749,7 +1754,8 @@ static void shapes_and_points_find_bodies(void)
     DcdShapeId ball = { 0 }, plank = box(world, 3.0f, 0.1f, 0.1f);
     OK(dcd_shape_sphere(world, 0.5f, &ball));
 
-    /* A ball rolls against the row, one stays short of it, one starts inside and leaves, a plank turns into it. */
+    /* A ball moves against the row, one stays short of it, one has a margin, one starts inside and leaves,
+     * and a plank turns into the row. */
     DcdShapeCast casts[5] = { DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT, DCD_SHAPE_CAST_INIT,
                               DCD_SHAPE_CAST_INIT };
     DcdShapeHit hits[5];
@@ -1786,7 +1792,7 @@ static void shapes_and_points_find_bodies(void)
     OK(dcd_cast_shapes(world, &casts[4], 1, NULL, &hits[4]));
     HOLDS(hits[4].body.v == 0);
 
-    /* What a blast reaches, what a point lies in, what a box touches. */
+    /* The bodies that a blast reaches, a point lies in, a box touches. */
     DcdOverlap found[8];
     size_t ends[3], total = 0;
     DcdShapeQuery blasts[2] = { DCD_SHAPE_QUERY_INIT, DCD_SHAPE_QUERY_INIT };
@@ -1821,7 +1827,7 @@ static void shapes_and_points_find_bodies(void)
     HOLDS(total == 3 && ends[0] == 2 && found[0].body.v == row[GATE].v && found[1].body.v == row[DOOR].v);
     HOLDS(found[2].body.v == row[WALL].v);
 
-    /* The nearest place: of the crate from outside and inside, none within reach. */
+    /* The nearest point: of the crate from inside and outside, then of no body within reach. */
     DcdPointHit nearest[2];
     points[1].point[0] = 4.5;
     points[1].exclude = row[GATE];
@@ -1852,7 +1858,7 @@ static uint64_t tick_of(DcdWorld world)
     return info.tick;
 }
 
-/* What a game of rollback does: it keeps each of the last ticks, goes back and computes them again. */
+/* What a game with rollback does: it keeps the last ticks, goes back and computes them again. */
 static void ticks_are_computed_again(void)
 {
     enum { KEPT = 8, TICKS = 40 };
@@ -1871,7 +1877,7 @@ static void ticks_are_computed_again(void)
         hashes[tick] = hash_of(world);
         OK(dcd_checkpoint_save(world, kept[tick % KEPT]));
         if (tick % 10 == 5) {
-            add(world, crate(world, 0.0, 20.0)); /* after what is kept: it is gone when that is gone back to */
+            add(world, crate(world, 0.0, 20.0)); /* after the checkpoint: it is gone when that is restored */
         }
         OK(dcd_step(world));
     }
@@ -1912,7 +1918,8 @@ static DcdContact began_last(DcdWorld world)
     return events.contact_count == 1 && events.contacts[0].kind == DCD_CONTACT_BEGAN ? events.contacts[0] : none;
 }
 
-/* What began in the last step is told as it was then after a checkpoint that was made when one of its colliders was gone. */
+/* After a checkpoint is restored, the events of the last step are told as they were then, even of a collider
+ * that was gone when the checkpoint was made. */
 static void a_collider_that_is_gone_is_known_again(void)
 {
     DcdWorld world = make_world(1, 1, -10.0f);
@@ -1937,8 +1944,9 @@ static void a_collider_that_is_gone_is_known_again(void)
     OK(dcd_world_destroy(world));
 }
 
-/* The user data of a body that is destroyed comes back with a checkpoint before and after the step that tells of it. A snapshot has none,
- * and takes none of the world that it is loaded into. */
+/* The user data of a destroyed body come back with a checkpoint made before or after the step that tells of
+ * its end. A snapshot does not hold them, and does not take over those of the world that it is loaded into.
+ * */
 static void who_is_gone_is_known_again(void)
 {
     DcdWorld world = make_world(1, 1, -10.0f), other = make_world(1, 1, -10.0f);
@@ -1981,7 +1989,7 @@ static void who_is_gone_is_known_again(void)
     OK(dcd_world_destroy(world));
 }
 
-/* `path` is where a file may be written; it is left there. */
+/* Snapshots are restored. `path` names a file that is written and left there. */
 static void snapshots_are_gone_back_to(const char *path)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -2007,7 +2015,8 @@ static void snapshots_are_gone_back_to(const char *path)
     later = add(world, crate(world, 0.0, 60.0));
     OK(dcd_step(world));
 
-    /* Back: the same bodies by the same ids, the same future; what was made since is gone for ever. */
+    /* Back: the same bodies by the same ids, and the same future. What was made after the snapshot is gone
+     * for ever. */
     OK(dcd_snapshot_load(world, saved, size));
     HOLDS(hash_of(world) == hash && tick_of(world) == 20 && pose_of(world, box_at).p[1] == height);
     HOLDS(!dcd_body_is_valid(world, later));
@@ -2021,7 +2030,7 @@ static void snapshots_are_gone_back_to(const char *path)
     again = add(world, crate(world, 0.0, 60.0));
     HOLDS(again.v != later.v && !dcd_body_is_valid(world, later));
 
-    /* Into another world, by memory and by file: all of it is there, by other ids. */
+    /* Into another world, from memory and from a file: all bodies are there, by other ids. */
     DcdShapeId kept = box(other, 0.5f, 0.5f, 0.5f);
     OK(dcd_snapshot_load(other, saved, size));
     HOLDS(hash_of(other) == hash && !dcd_body_is_valid(other, box_at));
@@ -2038,7 +2047,7 @@ static void snapshots_are_gone_back_to(const char *path)
     steps(other, 30);
     HOLDS(hash_of(other) == end);
 
-    /* One bit of damage is found, and changes nothing. */
+    /* One damaged bit is detected, and nothing changes. */
     hash = hash_of(other);
     saved[size / 2] ^= 1;
     HOLDS(dcd_snapshot_load(other, saved, size) == DCD_ERR_ARGUMENT && hash_of(other) == hash);
@@ -2047,7 +2056,7 @@ static void snapshots_are_gone_back_to(const char *path)
     OK(dcd_world_destroy(world));
 }
 
-/* Files are left beside `path`: for the command line. */
+/* Recordings are written to files beside `path`, and left there for the command line. */
 static void recordings_are_written(const char *path)
 {
     char whole[600], last[600];
@@ -2060,10 +2069,10 @@ static void recordings_are_written(const char *path)
     snprintf(last, sizeof last, "%s.last.dcdr", path);
     def.regions = 2;
     OK(dcd_world_open_scene("pile", params, 1, &def, &world));
-    OK(dcd_record_stop(world)); /* there is none */
+    OK(dcd_record_stop(world)); /* nothing is recorded */
     OK(dcd_record(world, whole));
     steps(world, 5);
-    OK(dcd_record(world, whole)); /* anew, in the place of the former */
+    OK(dcd_record(world, whole)); /* starts again and replaces the file */
     thrown = add(world, crate(world, 0.0, 20.0));
     steps(world, 20);
     FAILS(dcd_record_keep(world, last), DCD_ERR_ARGUMENT, "file already");
@@ -2089,9 +2098,9 @@ static void steps_go_on_in_the_background(void)
         double before = view.poses[59].p[1];
         OK(dcd_step_begin(world));
         HOLDS(dcd_step_begin(world) == DCD_ERR_BUSY);
-        HOLDS(view.poses[59].p[1] == before); /* lent before, read meanwhile */
+        HOLDS(view.poses[59].p[1] == before); /* the view from before can be read meanwhile */
         if (tick % 3 == 0) {
-            HOLDS(tick_of(world) == tick); /* another call waits for it */
+            HOLDS(tick_of(world) == tick); /* any other call waits for the step */
         }
         DcdStatus status = DCD_ERR_TIMEOUT;
         while (status == DCD_ERR_TIMEOUT) {
@@ -2106,7 +2115,7 @@ static void steps_go_on_in_the_background(void)
     HOLDS(hash_of(world) == hash_of(other));
     OK(dcd_step_begin(world));
     OK(dcd_step_begin(other));
-    OK(dcd_world_destroy(world)); /* which waits for its step */
+    OK(dcd_world_destroy(world)); /* waits for the step */
     OK(dcd_step_wait(other, DCD_FOREVER));
     OK(dcd_world_destroy(other));
 }
@@ -2132,7 +2141,7 @@ static void millimetres_count_far_out(void)
 static DcdWorld last_world;
 static DcdBodyId last_body;
 
-/* What a game does as it ends: the library's own objects of this thread are gone by then. */
+/* What a game does at exit, when the library's own objects of this thread are gone. */
 static void save_at_exit(void)
 {
     DcdPose pose;

@@ -1,4 +1,4 @@
-/* A chain that is loaded until its weakest joint is told of and breaks, at the border of two regions. */
+/* A chain across the border of two regions is loaded until its weakest joint is reported and breaks. */
 #include "checks.h"
 
 #include <math.h>
@@ -30,7 +30,7 @@ static DcdJointId tied(DcdWorld world, DcdBodyId above, DcdBodyId below, uint64_
     return joint;
 }
 
-/* Steps, and returns the first joint that is told of, or none. */
+/* Steps, and returns the first overloaded joint that is reported, or none. */
 static DcdJointOverload told_in(DcdWorld world, int steps)
 {
     DcdJointOverload none = { { 0 }, 0, 0.0f, 0.0f };
@@ -58,11 +58,11 @@ static void chain(uint32_t regions)
     const DcdBodyId lower = ball_at(world, shape, DCD_DYNAMIC, 8.0, 100.0f);
     const DcdJointId top = tied(world, nail, upper, 1), bottom = tied(world, upper, lower, 2);
 
-    /* The upper one bears both: 1962 N. */
+    /* The upper joint bears both balls: 1962 N. */
     OK(dcd_joint_strength_set(world, top, 2500.0f, INFINITY));
     OK(dcd_joint_strength_set(world, bottom, 1300.0f, INFINITY));
     HOLDS(told_in(world, 60).joint.v == 0);
-    /* 100 kg more below. */
+    /* A load of another 100 kg below. */
     const DcdBodyId load = ball_at(world, shape, DCD_DYNAMIC, 7.0, 100.0f);
     tied(world, lower, load, 3);
     DcdJointOverload weak = told_in(world, 60);

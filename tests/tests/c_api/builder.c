@@ -1,4 +1,5 @@
-/* Clients that may build change a world that a node computes, and others cannot: `builder FOLDER`, run by served.rs. */
+/* Clients that may build change a world that a node computes, and other clients cannot: `builder FOLDER`, run
+ * by served.rs. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
@@ -17,7 +18,7 @@ static void step(void)
 
 enum { BOB = 7 };
 
-/* The bob as this world has it: ids are a world's own. */
+/* Finds the bob in this world: ids belong to one world handle. */
 static bool find(DcdWorld world, DcdBodyId *body, DcdPose *pose)
 {
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -31,7 +32,7 @@ static bool find(DcdWorld world, DcdBodyId *body, DcdPose *pose)
     return false;
 }
 
-/* Steps until the client sees it between these heights, for half a minute. */
+/* Steps until the client sees the bob between these heights, for at most half a minute. */
 static bool comes(double low, double high)
 {
     DcdBodyId body;
@@ -115,7 +116,7 @@ int main(int argc, char **argv)
     HOLDS(comes(3.9, 4.1));
     OK(dcd_joint_destroy(builder, tied));
     HOLDS(comes(0.7, 0.8));
-    const float kick[3] = { 0.0f, 2000.0f, 0.0f }; /* 125 kg: 16 m/s; up, even if it falls still */
+    const float kick[3] = { 0.0f, 2000.0f, 0.0f }; /* 125 kg: 16 m/s; up, even if it is still falling */
     OK(dcd_body_apply_impulse(builder, rope.b, kick, NULL));
     HOLDS(comes(1.5, 20.0));
     DcdBodyProperties light = DCD_BODY_PROPERTIES_INIT;
@@ -128,7 +129,7 @@ int main(int argc, char **argv)
     OK(dcd_body_set_velocity(builder, rope.b, &still));
     HOLDS(comes(8.9, 9.1));
 
-    /* Who may not build is told what could. */
+    /* A client that may not build is told which role may. */
     DcdBodyId none, seen;
     DcdPose at;
     DcdShapeId other;
@@ -149,7 +150,7 @@ int main(int argc, char **argv)
     rope.a = rope.b = seen;
     FAILS(dcd_joint_create(client, &rope, &tied), DCD_ERR_UNSUPPORTED, "DCD_ROLE_BUILDER");
 
-    /* It leaves, and what it has built stays until another clears it away. */
+    /* The builder leaves. What it has built stays until another builder removes it. */
     OK(dcd_world_destroy(builder));
     builder = connected(DCD_ROLE_BUILDER);
     HOLDS(comes(8.9, 9.1) && find(builder, &seen, &at));

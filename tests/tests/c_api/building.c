@@ -1,5 +1,5 @@
-/* A server's program builds a game in an empty world that a node computes, and a client sees it: `building FOLDER`, run by
- * served.rs. */
+/* A server's program builds a game in an empty world that a node computes, and a client sees it:
+ * `building FOLDER`, run by served.rs. */
 #define _POSIX_C_SOURCE 200809L
 #include "played.h"
 
@@ -9,7 +9,7 @@ enum { BOXES = 2000 };
 
 static DcdWorld node;
 
-/* Steps until the client sees the i-th body between these heights, for half a minute. */
+/* Steps until the client sees the i-th body between these heights, for at most half a minute. */
 static bool comes(uint32_t i, double low, double high)
 {
     for (int k = 0; k < 6000; k++) {
@@ -37,7 +37,8 @@ static void join(void)
     OK(dcd_client_connect(&sees, &client));
 }
 
-/* A ball that asks for it tells of its fall, though it falls where two regions meet; and a ray of the program finds it there. */
+/* A ball that reports contacts falls where two regions meet: its contact is reported once, and a ray of the
+ * program finds the ball. */
 static void hears_and_asks(DcdShapeId shape, DcdBodyId ground)
 {
     DcdBodyDef def = DCD_BODY_DEF_INIT;
@@ -75,7 +76,7 @@ static void hears_and_asks(DcdShapeId shape, DcdBodyId ground)
     OK(dcd_body_destroy(server, ball));
 }
 
-/* How many bodies a client sees, and whether one of them has these user data. */
+/* The number of bodies that a client sees. `has` says whether one of them has these user data. */
 static uint32_t sees(DcdWorld who, uint64_t user_data, bool *has)
 {
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -87,7 +88,8 @@ static uint32_t sees(DcdWorld who, uint64_t user_data, bool *has)
     return view.count;
 }
 
-/* Who joins with an interest is told what is near, then what comes there, and at last everything, if it asks for it. */
+/* A client that joins with an interest is told what is near, then what comes there, and finally everything,
+ * if it asks for it. */
 static void sees_what_is_near(DcdBodyId far, const DcdPose *home)
 {
     char address[64] = "", token[512] = "";
@@ -126,7 +128,8 @@ static void sees_what_is_near(DcdBodyId far, const DcdPose *home)
     HOLDS(comes(BOXES, 0.7, 0.8));
 }
 
-/* A client's character walks to the wall that the program puts in its way, over the border, jumps there and comes down. */
+/* A client's character walks over the border to a wall that the program builds, jumps there and comes down.
+ * */
 static void walks_to_the_wall(void)
 {
     const float wall_half[3] = { 0.5f, 2.0f, 5.0f };
@@ -170,7 +173,7 @@ static void walks_to_the_wall(void)
     step();
 }
 
-/* A client's car drives over the border on the nodes. */
+/* A client's car, computed by nodes, drives over the border. */
 static void drives_over_the_border(void)
 {
     const float half[3] = { 1.6f, 0.4f, 0.8f };
@@ -206,7 +209,7 @@ static void drives_over_the_border(void)
     step();
 }
 
-/* Waits until the client sees so many movable bodies. */
+/* Waits until the client sees this many movable bodies. */
 static bool counts(uint32_t bodies)
 {
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -219,7 +222,8 @@ static bool counts(uint32_t bodies)
     return false;
 }
 
-/* The game is saved while nodes compute it, and goes back to that: what went is there again, and what came is gone. */
+/* The game is saved while nodes compute it, and then restored: the removed body is back, and the new one is
+ * gone. */
 static void goes_back(const char *folder, DcdBodyId body, const DcdBodyDef *like, uint32_t bodies)
 {
     char path[512];
@@ -283,7 +287,7 @@ int main(int argc, char **argv)
     HOLDS(view.count == BOXES && view.user_data[0] == 1);
     sees_what_is_near(bodies[BOXES], &defs[BOXES].pose);
 
-    /* A platform that goes up, with a swing below it. */
+    /* A platform that goes up, with a ball that swings below it. */
     DcdBodyDef lift = DCD_BODY_DEF_INIT, bob = DCD_BODY_DEF_INIT;
     DcdJointDef rope = DCD_JOINT_DEF_INIT;
     DcdJointId tied;
@@ -299,7 +303,7 @@ int main(int argc, char **argv)
     DcdQueryId query;
     down.direction[1] = -1.0f;
     OK(dcd_body_create(server, &lift, &rope.a));
-    OK(dcd_rays_submit(server, &down, 1, NULL, &query)); /* a question does not part what is to be tied */
+    OK(dcd_rays_submit(server, &down, 1, NULL, &query)); /* a query in between does not separate bodies that are then tied */
     OK(dcd_query_cancel(server, query));
     OK(dcd_body_create(server, &bob, &rope.b));
     rope.joint_type = DCD_JOINT_SPHERICAL;
@@ -319,13 +323,13 @@ int main(int argc, char **argv)
     FAILS(dcd_joint_destroy(server, tied), DCD_ERR_STALE_ID, "");
     HOLDS(comes(BOXES + 2, 0.7, 0.8));
 
-    /* A push throws a box up: 1 m/s for each N s and kilogram. */
+    /* A push throws a box up: each N s per kilogram is 1 m/s. */
     float kick[3] = { 0.0f, 1500.0f, 0.0f };
     OK(dcd_body_apply_impulse(server, bodies[BOXES], kick, NULL));
     HOLDS(comes(BOXES, 2.0, 20.0) && comes(BOXES, 0.7, 0.8));
     FAILS(dcd_body_apply_impulse(server, bodies[0], kick, NULL), DCD_ERR_ARGUMENT, "dynamic");
 
-    /* What is removed is gone for all, and the others stay. */
+    /* Removed bodies are gone for all, and the others stay. */
     OK(dcd_bodies_destroy(server, bodies + 1, BOXES / 2));
     HOLDS(!dcd_body_is_valid(server, bodies[1]) && dcd_body_is_valid(server, bodies[BOXES]));
     HOLDS(counts(BOXES / 2 + 2));
@@ -335,7 +339,7 @@ int main(int argc, char **argv)
     walks_to_the_wall();
     drives_over_the_border();
 
-    /* The server stops and starts again; the node has computed on, and the client plays on. */
+    /* The server stops and starts again. The node has computed meanwhile, and the client plays on. */
     char address[64] = "";
     size_t needed = 0;
     OK(dcd_address(server, address, sizeof address, &needed));

@@ -1,4 +1,4 @@
-/* How the C programs of these tests check, and count what fails. */
+/* How the C programs of these tests check, and count failures. */
 #ifndef CHECKS_H
 #define CHECKS_H
 
@@ -24,7 +24,8 @@ static inline void holds(bool what, const char *text, int line)
     }
 }
 
-/* The status must be this; a failure must say why in some words, and this word among them. */
+/* Checks the status of a call. A failed call must leave a message of at least 20 characters that contains
+ * `word`. */
 static inline void expect(DcdStatus got, DcdStatus code, const char *word, const char *text, int line)
 {
     char message[1024] = "";
@@ -37,7 +38,7 @@ static inline void expect(DcdStatus got, DcdStatus code, const char *word, const
     }
 }
 
-/* What each program says last and returns. */
+/* Prints what each program prints last, and returns its exit status. */
 static inline int checked(void)
 {
     printf("%d checks, %d failures\n", checks, failures);

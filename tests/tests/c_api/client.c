@@ -17,7 +17,7 @@ static DcdWorld connect(const char *server, const char *token, const char *ident
     return world;
 }
 
-/* One step and the time it stands for; in the background as in the foreground. */
+/* Makes one step and waits for the time it stands for. Every second step is made in the background. */
 static DcdStatus step(DcdWorld world)
 {
     struct timespec pause = { 0, 10 * 1000 * 1000 };
@@ -30,7 +30,7 @@ static DcdStatus step(DcdWorld world)
     return status;
 }
 
-/* Steps until a change of this kind concerns the body. */
+/* Steps until a change of this kind happens to the body. */
 static DcdBodyChange await_change(DcdWorld world, DcdBodyId body, uint32_t kind)
 {
     DcdBodyChange none = { { 0 }, 0, 0, 0 };
@@ -58,7 +58,7 @@ static DcdPose pose_of(DcdWorld world, DcdBodyId body)
     return pose;
 }
 
-/* Whether the body comes to lie beyond x within half a minute. */
+/* Whether the body gets beyond x within half a minute. */
 static bool gets_beyond(DcdWorld world, DcdBodyId body, double x)
 {
     for (int i = 0; i < 3000 && step(world) == DCD_OK; i++) {
@@ -82,7 +82,8 @@ static DcdBodyDef avatar_def(DcdWorld world)
     return def;
 }
 
-/* The nodes that own the bodies answer: the avatar, what is under it, and nothing in the sky. */
+/* The nodes that own the bodies answer: with the avatar, with what is below it, and with nothing in the sky.
+ * */
 static void asks_the_owners(DcdWorld world, DcdBodyId avatar)
 {
     const DcdPose at = pose_of(world, avatar);
@@ -114,7 +115,7 @@ static void asks_the_owners(DcdWorld world, DcdBodyId avatar)
     FAILS(dcd_query_poll(world, query, hits, 3, &count), DCD_ERR_STALE_ID, "query");
 }
 
-/* What this role cannot do names it. */
+/* Errors of what this role cannot do name the role. */
 static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const char *role)
 {
     const float one[3] = { 1.0f, 0.0f, 0.0f };
@@ -134,7 +135,7 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
 
     OK(dcd_body_properties(world, other, &as));
     HOLDS(as.body_type == DCD_DYNAMIC);
-    OK(dcd_body_properties(world, avatar, &as)); /* on its way */
+    OK(dcd_body_properties(world, avatar, &as)); /* the avatar is not in the world yet */
     HOLDS(as.body_type == DCD_KINEMATIC && as.user_data == 7 && as.dominance == 3);
     OK(dcd_collider_properties(world, other, 0, &collider));
     joint.a = other;
@@ -181,7 +182,8 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
 }
 
-/* A client knows what its bodies look like: a hundred boxes and the ground of the scene, and its own avatar on its way. */
+/* A client knows the looks of its bodies: a hundred boxes and the ground of the scene, and its own avatar,
+ * not yet in the world. */
 static void looks(DcdWorld world, DcdBodyId avatar)
 {
     DcdBodyId all[128];
@@ -204,7 +206,7 @@ static void looks(DcdWorld world, DcdBodyId avatar)
     HOLDS(boxes >= 100 && weight > 90.0);
 }
 
-/* Of several avatars of which one is refused nobody hears. */
+/* If one of several avatars is refused, nobody hears of any of them. */
 static void makes_all_or_none(DcdWorld world)
 {
     DcdBodyDef defs[2] = { avatar_def(world), avatar_def(world) };
@@ -222,7 +224,8 @@ static void makes_all_or_none(DcdWorld world)
     HOLDS(changes == 0);
 }
 
-/* What is shown of an avatar that moves east at 10 m/s: where the world says, or a moment ago, at an even pace. */
+/* Where an avatar is shown that moves east at 10 m/s: at the world's present tick, or a moment ago, at an
+ * even pace. */
 static void shows(DcdWorld world, DcdBodyId avatar)
 {
     DcdViewTime time = DCD_VIEW_TIME_INIT, before = DCD_VIEW_TIME_INIT;
@@ -248,7 +251,7 @@ static void shows(DcdWorld world, DcdBodyId avatar)
     HOLDS(view.slots[100] == slot && view.slot_count <= 110);
 }
 
-/* An avatar of one's own answers in the frame of the input. */
+/* An own avatar reacts in the frame of the input. */
 static void answers(DcdWorld world, DcdBodyId avatar)
 {
     DcdPrediction prediction = DCD_PREDICTION_INIT;
@@ -265,7 +268,7 @@ static void answers(DcdWorld world, DcdBodyId avatar)
     OK(dcd_prediction_set(world, false));
     OK(dcd_prediction(world, &prediction));
     HOLDS(prediction.bodies == 0);
-    /* It is shown when it is asked to be, predicted or not. */
+    /* It is shown at the tick that is asked for, predicted or not. */
     DcdStateView view = DCD_STATE_VIEW_INIT;
     DcdPose at;
     OK(dcd_view_time(world, &time));
@@ -279,7 +282,7 @@ static void answers(DcdWorld world, DcdBodyId avatar)
     OK(dcd_prediction_set(world, true));
 }
 
-/* The whole life of an avatar, and what can be read of the others. */
+/* The whole life of an avatar, and what can be read of other bodies. */
 static void plays(DcdWorld world, DcdRole expected, const char *role)
 {
     DcdWorldInfo info = DCD_WORLD_INFO_INIT;
@@ -287,7 +290,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(info.role == expected && info.client > 0 && info.regions == 2 && info.user_data == 42);
     HOLDS(info.dt > 0.0f && info.gravity[1] < 0.0f);
 
-    /* The scene is there at once; its bodies are named as in a local world. */
+    /* The scene is there at once. Its bodies have the same order as in a local world. */
     DcdBodyId box;
     OK(dcd_body_at(world, 5, &box));
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -317,12 +320,12 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     answers(world, avatar);
     OK(dcd_body_set_velocity(world, avatar, &east));
 
-    /* A jump keeps the velocity; asked for in one step with another velocity, both count. */
+    /* A jump keeps the velocity. If another velocity is set in the same step, both count. */
     DcdPose far = def.pose;
     far.p[0] = 5.0;
     OK(dcd_body_set_pose(world, avatar, &far));
     HOLDS(gets_beyond(world, avatar, 25.0));
-    /* It may jump as far as it could have gone since, at the 20 m/s of this server. */
+    /* An avatar may jump as far as it could have moved since its last jump, at the 20 m/s of this server. */
     far.p[0] = 100.0;
     OK(dcd_body_set_pose(world, avatar, &far));
     HOLDS(await_change(world, avatar, DCD_BODY_REFUSED).reason == DCD_REFUSED_TOO_FAR);
@@ -342,7 +345,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdOwner owner = DCD_OWNER_INIT;
     OK(dcd_body_owner(world, avatar, &owner));
     HOLDS(owner.region == body_info.region && owner.holders == 0 && (owner.flags & DCD_OWNER_HEARD) != 0);
-    /* All are told who computes what; a participant comes to compute a share. */
+    /* All processes are told which node computes which region; a participant comes to compute a part. */
     bool computes = strcmp(role, "participant") == 0;
     for (int i = 0; computes && i < 3000 && (owner.flags & DCD_OWNER_HERE) == 0; i++) {
         step(world);
@@ -356,10 +359,10 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdStats stats = DCD_STATS_INIT;
     OK(dcd_stats(world, &stats));
     HOLDS(stats.bytes_in > 0 && stats.bytes_out > 0 && stats.rtt > 0.0);
-    HOLDS(stats.udp_bytes_in > stats.bytes_in && stats.udp_bytes_out > 0); /* QUIC adds its own */
+    HOLDS(stats.udp_bytes_in > stats.bytes_in && stats.udp_bytes_out > 0); /* QUIC adds bytes of its own */
     HOLDS(stats.updates > 0 && stats.bodies == 101 && stats.ticks > 0);
 
-    /* Too fast: refused by an event, and the avatar stays as it is. */
+    /* Too fast: an event refuses the input, and the avatar stays as it is. */
     DcdVelocity fast = { { 1000.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &fast));
     HOLDS(await_change(world, avatar, DCD_BODY_REFUSED).reason == DCD_REFUSED_TOO_FAST);
@@ -372,7 +375,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_own_avatars(world, NULL, 0, &count));
     HOLDS(count == 0);
 
-    /* What the world would not let it reach is refused at once. */
+    /* Values that the world's limits exclude are refused at once. */
     def.body_type = DCD_DYNAMIC;
     def.velocity.linear[0] = 500.0f;
     FAILS(dcd_body_create(world, &def, &avatar), DCD_ERR_ARGUMENT, "500 m/s");
@@ -385,7 +388,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_body_destroy(world, avatar));
 }
 
-/* How many movable bodies the interest does not reach. */
+/* The number of movable bodies outside of the interest. */
 static size_t outside(DcdWorld world)
 {
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -397,7 +400,7 @@ static size_t outside(DcdWorld world)
     return count;
 }
 
-/* Steps until so many bodies are outside. */
+/* Steps until this many bodies are outside. */
 static bool comes_to(DcdWorld world, size_t count)
 {
     for (int i = 0; i < 3000 && step(world) == DCD_OK; i++) {
@@ -415,7 +418,8 @@ static bool is_outside(DcdWorld world, DcdBodyId body)
     return info.outside;
 }
 
-/* What moves unseen stays where it was last heard of, and is where it is once the interest comes over it. */
+/* A body that moves unseen stays where it was last heard of, and is in its true place once the interest
+ * covers it. */
 static void hears_of_a_part(const char *server, const char *first, const char *second)
 {
     DcdWorld watcher = connect(server, first, NULL), mover = connect(server, second, NULL);
@@ -442,11 +446,11 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     FAILS(dcd_interest_set(watcher, here, 5.0), DCD_ERR_ARGUMENT, "centre");
     here[2] = 0.0;
 
-    /* Around the avatar alone: all boxes are outside, and fixed ground never is. */
+    /* Around the avatar alone: all boxes are outside; fixed ground never is. */
     OK(dcd_interest_set(watcher, here, 5.0));
     HOLDS(comes_to(watcher, 100) && !is_outside(watcher, seen) && !is_outside(watcher, ground));
 
-    /* It goes away, and is told to have gone; then it goes on unseen, and stops. */
+    /* The avatar leaves the interest, and the client is told. Then it moves on unseen, and stops. */
     OK(dcd_body_set_velocity(mover, avatar, &east));
     OK(step(mover));
     HOLDS(comes_to(watcher, 101) && is_outside(watcher, seen));
@@ -465,7 +469,7 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     }
     HOLDS(dcd_body_is_valid(watcher, seen) && pose_of(watcher, seen).p[0] < 10.0 && is_outside(watcher, seen));
 
-    /* The interest comes to where it rests. */
+    /* The interest is moved to where the avatar rests. */
     there[0] = x;
     OK(dcd_interest_set(watcher, there, 5.0));
     HOLDS(comes_to(watcher, 100) && pose_of(watcher, seen).p[0] == x && !is_outside(watcher, seen));
@@ -478,7 +482,7 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     OK(dcd_interest_set(watcher, NULL, INFINITY));
     HOLDS(comes_to(watcher, 0));
 
-    /* One's own avatar is always heard of. */
+    /* A client always hears of its own avatar. */
     OK(dcd_interest_set(mover, here, 5.0));
     HOLDS(comes_to(mover, 100));
     OK(dcd_body_set_velocity(mover, avatar, &east));
@@ -487,7 +491,7 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     OK(dcd_world_destroy(watcher));
 }
 
-/* An avatar left behind is found again by who joins with the same identity. */
+/* A client that joins again with the same identity finds the avatar that it left behind. */
 static void comes_back(const char *server, const char *first, const char *second, const char *identity)
 {
     DcdWorld world = connect(server, first, identity);
@@ -519,7 +523,7 @@ static void comes_back(const char *server, const char *first, const char *second
     OK(dcd_world_destroy(world));
 }
 
-/* The server goes away: each step says so, and what was heard stays readable. */
+/* The server goes away: each step says so, and the last known states stay readable. */
 static void loses(const char *server, const char *token)
 {
     DcdWorld world = connect(server, token, NULL);
@@ -544,7 +548,7 @@ static void loses(const char *server, const char *token)
     OK(dcd_world_destroy(world));
 }
 
-/* The server dies, and is back: the world goes on in between, and what was asked meanwhile is done then. */
+/* The server dies and comes back. The world goes on in between, and requests made meanwhile are done then. */
 static void survives(const char *server, const char *token)
 {
     DcdWorld world = connect(server, token, NULL);
@@ -557,7 +561,7 @@ static void survives(const char *server, const char *token)
     OK(step(world));
     puts("ready");
     fflush(stdout);
-    getchar(); /* it is dead */
+    getchar(); /* until the server is dead */
     OK(step(world));
     double from = pose_of(world, avatar).p[0];
     OK(dcd_body_create(world, &def, &second));
@@ -571,7 +575,7 @@ static void survives(const char *server, const char *token)
     HOLDS(count == 2 && found[1].v == second.v);
     puts("alone");
     fflush(stdout);
-    HOLDS(await_change(world, second, DCD_BODY_APPEARED).user_data == 7); /* it is back */
+    HOLDS(await_change(world, second, DCD_BODY_APPEARED).user_data == 7); /* the server is back */
     from = pose_of(world, avatar).p[0];
     HOLDS(gets_beyond(world, avatar, from + 1.0));
     OK(dcd_body_destroy(world, second));
@@ -582,7 +586,7 @@ static void survives(const char *server, const char *token)
     OK(dcd_world_destroy(world));
 }
 
-/* What is wrong on entering is said. */
+/* Errors on joining name what is wrong. */
 static void fails(const char *server, const char *token, const char *node_token, const char *other)
 {
     DcdWorld world = { 0 };
@@ -605,7 +609,7 @@ static void fails(const char *server, const char *token, const char *node_token,
         def.server = bad[i];
         FAILS(dcd_client_connect(&def, &world), DCD_ERR_ARGUMENT, "host:port");
     }
-    def.server = other; /* where nobody is */
+    def.server = other; /* nobody listens there */
     def.timeout_ms = 300;
     FAILS(dcd_client_connect(&def, &world), DCD_ERR_TIMEOUT, "no answer");
     HOLDS(world.v == 0);
@@ -619,7 +623,7 @@ static void fails(const char *server, const char *token, const char *node_token,
     def.interest_centre[2] = 1e12;
     FAILS(dcd_client_connect(&def, &world), DCD_ERR_ARGUMENT, "interest_centre");
 
-    /* A token lets one process in, once. */
+    /* A token admits one process, once. */
     def = (DcdClientDef)DCD_CLIENT_DEF_INIT;
     def.server = server;
     def.token = token;

@@ -1,5 +1,5 @@
-//! Tests that the checkers of this folder call all that the headers declare: each function from C, once as it should not be called, and
-//! each wrapper from C++.
+//! Tests that the checkers of this folder call everything that the headers declare: each function from C,
+//! each also once in a call that must fail, and each wrapper from C++.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::library::declared;
 use crate::toolchain::root;
 
-/// Functions that no call can make fail: they return no status.
+/// Functions whose calls cannot fail: they return no status.
 const NEVER_FAIL: [&str; 8] = [
     "dcd_body_is_valid",
     "dcd_joint_is_valid",
@@ -19,7 +19,7 @@ const NEVER_FAIL: [&str; 8] = [
     "dcd_world_is_valid",
 ];
 
-/// The text of all sources with an ending, in a folder of the repository and those below.
+/// Returns the text of all sources with this file extension, in a folder of the repository and below.
 fn sources(folder: &str, ending: &str) -> String {
     fn add(folder: &Path, ending: &str, all: &mut String) {
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -40,25 +40,26 @@ fn is_of_name(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The names that a text calls: what stands before a bracket that opens.
+/// Returns the names that a text calls: each name before an opening bracket.
 fn called(text: &str) -> BTreeSet<&str> {
     let before = text.match_indices('(').map(|(at, _)| &text[..at]);
     before.filter_map(|before| before.rsplit(|c| !is_of_name(c)).next()).collect()
 }
 
-/// The names that are called in checks that a call fails.
+/// Returns the names in the checks that expect a call to fail.
 fn called_wrongly(text: &str) -> BTreeSet<&str> {
     let checks = ["FAILS(", "EXPECT("].into_iter().flat_map(|check| text.split(check).skip(1));
     let statements = checks.filter_map(|rest| rest.split(";\n").next());
     statements.filter(|statement| statement.contains("DCD_ERR_")).flat_map(called).collect()
 }
 
-/// For each function of `dcd.h` the wrappers of `dcd.hpp` that call it.
+/// Returns for each function of `dcd.h` the wrappers of `dcd.hpp` that call it.
 fn wrappers(header: &str) -> BTreeMap<String, BTreeSet<&str>> {
     let mut wrappers = BTreeMap::<_, BTreeSet<_>>::new();
     let (functions, mut wrapper) = (declared(), "");
     for line in header.lines() {
-        // A wrapper begins within the namespace or the class; what it does stands farther in, or behind.
+        // A wrapper begins in the namespace or the class. Its body is indented more, or follows on the same
+        // line.
         let depth = line.len() - line.trim_start_matches(' ').len();
         let head = line.trim_start().split('(').next().unwrap_or_default();
         let is_statement = head.starts_with("return ") || head == "Status status";

@@ -1,5 +1,5 @@
-/* A world drawn by a renderer's functions, and into the file that is named: where things are and in which colours, what a null function means, and that nobody
- * calls a world from within. */
+/* A world is drawn by a renderer's functions, and into the file that is named. Checks where things are and in
+ * which colours, what a null function means, and that no function can call its world from within. */
 #include "checks.h"
 
 #include <math.h>
@@ -17,7 +17,7 @@ typedef struct Seen {
     DcdDrawnShape drawn[MOST];
     uint32_t colours[MOST];
     char text[64];
-    DcdStatus inside; /* of a call from within */
+    DcdStatus inside; /* the status of a call from within */
 } Seen;
 
 static void on_point(void *context, const double *at, float size, uint32_t colour)
@@ -79,7 +79,7 @@ static void on_text_that_calls(void *context, const double *at, const char *text
     seen->inside = dcd_step(seen->world);
     FAILS(dcd_step(seen->world), DCD_ERR_BUSY, "dcd_debug_draw");
     FAILS(dcd_world_destroy(seen->world), DCD_ERR_BUSY, "call later");
-    HOLDS(dcd_version() == DCD_VERSION); /* what takes no world can be called */
+    HOLDS(dcd_version() == DCD_VERSION); /* functions that take no world can be called */
 }
 
 static DcdDebugDraw by(Seen *seen, uint32_t flags)
@@ -127,7 +127,7 @@ int main(int argc, char **argv)
     for (int i = 0; i < 10; i++)
         OK(dcd_step(world));
 
-    /* Shapes where bodies are, in the colour of their owner; a mesh by its corners. */
+    /* Shapes where the bodies are, in the colour of their owner; a mesh by its vertices. */
     DcdDebugDraw draw = by(&seen, DCD_DRAW_SHAPES);
     OK(dcd_debug_draw(world, NULL, &draw));
     HOLDS(seen.shapes == 4 && seen.points + seen.lines + seen.boxes + seen.texts == 0);
@@ -141,14 +141,14 @@ int main(int argc, char **argv)
     HOLDS(seen.drawn[3].kind == DCD_DRAWN_MESH && seen.drawn[3].vertex_count == 4 && seen.drawn[3].triangle_count == 4);
     HOLDS(seen.colours[1] == 0x4269d0FFu && seen.colours[2] == 0xefb118FFu && seen.colours[3] == seen.colours[2]);
 
-    /* Between steps where the game shows them. */
+    /* Between steps, at the ticks that the game shows. */
     time.now = time.shown = time.predicted = 9.5;
     draw = by(&seen, DCD_DRAW_SHAPES);
     OK(dcd_debug_draw(world, &time, &draw));
     OK(dcd_view_body(world, hull, 9.5, &pose, NULL));
     HOLDS(memcmp(&pose, &seen.poses[3], sizeof pose) == 0);
 
-    /* Each of the others. */
+    /* Each of the other layers. */
     draw = by(&seen, DCD_DRAW_AABBS);
     OK(dcd_debug_draw(world, NULL, &draw));
     HOLDS(seen.boxes == 3 && fabs(seen.max[0][0] - -2.5) < 0.05 && fabs(seen.min[0][1]) < 0.05);
@@ -159,17 +159,17 @@ int main(int argc, char **argv)
     draw.force_scale = 1e-3f;
     OK(dcd_debug_draw(world, NULL, &draw));
     HOLDS(seen.points == 2 && seen.lines == 2);
-    /* A ball of 524 kg presses by 5.1 kN. */
+    /* A ball of 524 kg presses on the ground with 5.1 kN. */
     HOLDS(fabs(fabs(seen.to[0][1] - seen.from[0][1]) - 5.14) < 0.6 && fabs(seen.from[0][0] - -3.0) < 0.05);
     draw = by(&seen, DCD_DRAW_CENTRES_OF_MASS | DCD_DRAW_LABELS | DCD_DRAW_VELOCITIES);
-    draw.max[1] = 10.0; /* not the hull, which falls from above */
+    draw.max[1] = 10.0; /* without the hull, which falls from above */
     OK(dcd_debug_draw(world, NULL, &draw));
     HOLDS(seen.points == 2 && seen.texts == 2 && strcmp(seen.text, "b2") == 0);
     draw = by(&seen, DCD_DRAW_ALL);
     OK(dcd_debug_draw(world, NULL, &draw));
     HOLDS(seen.shapes == 4 && seen.texts == 3 && seen.boxes >= 3 + 3 + 2);
 
-    /* Without functions boxes and shapes are lines, and what is no line is nothing. */
+    /* Without their functions, boxes and shapes are drawn as lines; points and texts are not drawn. */
     draw = by(&seen, DCD_DRAW_AABBS | DCD_DRAW_LABELS | DCD_DRAW_CENTRES_OF_MASS);
     draw.draw_box = NULL;
     draw.draw_text = NULL;
@@ -183,7 +183,7 @@ int main(int argc, char **argv)
     draw.draw_line = NULL;
     OK(dcd_debug_draw(world, NULL, &draw));
 
-    /* A function that calls the world is told that it cannot, and the world goes on. */
+    /* A function that calls its world gets an error, and the world goes on. */
     draw = by(&seen, DCD_DRAW_LABELS);
     seen.world = world;
     draw.draw_text = on_text_that_calls;
@@ -210,7 +210,7 @@ int main(int argc, char **argv)
     FAILS(dcd_debug_draw(world, &time, &draw), DCD_ERR_ARGUMENT, "tick");
     HOLDS(seen.shapes == 0);
 
-    /* A file of it: argv[1]. */
+    /* A glTF file of the world, at argv[1]. */
     HOLDS(argc == 2);
     OK(dcd_gltf_save_file(world, argv[1]));
     FAILS(dcd_gltf_save_file(world, "/nowhere/at/all.glb"), DCD_ERR_IO, "path");

@@ -1,4 +1,5 @@
-//! Tests that the game which raylib draws is built from packages, plays in a served world, and shows it; on a screen that nobody sees.
+//! Tests that the game drawn by raylib is built from packages, plays in a served world, and shows it, on a
+//! virtual screen.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -19,7 +20,7 @@ struct Screen {
 }
 
 impl Screen {
-    /// The server chooses its number.
+    /// Opens a screen. The server chooses its number.
     fn open() -> Self {
         let mut xvfb = Command::new("Xvfb");
         xvfb.args(["-displayfd", "1", "-screen", "0", "1280x720x24", "-nolisten", "tcp"]);
@@ -38,7 +39,7 @@ impl Drop for Screen {
     }
 }
 
-/// What the build of raylib and a screen without a screen need, and is not here.
+/// Returns what is missing to build raylib and to run a virtual screen.
 fn missing() -> Option<&'static str> {
     let headers = ["--exists", "x11", "xrandr", "xinerama", "xcursor", "xi", "gl"];
     if !is_installed("cmake") {
@@ -56,7 +57,7 @@ fn missing() -> Option<&'static str> {
     (!found.is_ok_and(|status| status.success())).then_some("pkg-config, or a header of X11 or GL,")
 }
 
-/// A picture's pixels, and its width.
+/// Returns a picture's pixels and its width.
 fn pixels(path: &Path) -> (Vec<[i32; 3]>, usize) {
     let file = std::fs::File::open(path).unwrap();
     let mut picture = png::Decoder::new(BufReader::new(file)).read_info().expect("a PNG file");

@@ -1,4 +1,4 @@
-//! Tests that the headers compile by themselves, twice in a row, in C and C++, without a warning.
+//! Tests that the headers compile without a warning in C and C++: alone, and included twice.
 
 use std::fs;
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::library::declared;
 use crate::toolchain::{STRICT, compiler, is_installed, root, run_well};
 
-/// Uses every macro, so that none is only a comment.
+/// A program that uses every macro, so that the compiler checks each of them.
 const EVERY_INIT: &str = "
 #include \"dcd.h\"
 #include \"dcd.h\"
@@ -96,7 +96,7 @@ fn the_cpp_header_compiles_alone_and_twice_with_and_without_exceptions() {
 fn the_cpp_header_has_every_function_of_the_c_header() {
     let wrapper = fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
     for function in declared() {
-        // Called, or handed to what calls it.
+        // The function is called, or passed to what calls it.
         let is_there = ["(", ")"].iter().any(|end| wrapper.contains(&format!("{function}{end}")));
         assert!(is_there, "{function} is missing in dcd.hpp");
     }

@@ -1,5 +1,6 @@
-/* A world computed by the program's own threads: by a job system that has threads, by one that begins each job only when it is waited
- * for, and by the library's: all to the same bits. Bugs are told to a function. */
+/* A world is computed by the program's own threads: by a job system with threads, by one that runs each job
+ * only when it is waited for, and by the library's own. All give the same bits. Bugs are reported to a
+ * function. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
@@ -7,7 +8,7 @@
 
 enum { BODIES = 600, STEPS = 40, MOST = 8 };
 
-/* A job, and whether a thread has it. */
+/* A job, and whether a thread runs it. */
 typedef struct Job {
     DcdTaskFn run;
     void *task;
@@ -17,8 +18,8 @@ typedef struct Job {
 
 typedef struct Jobs {
     Job jobs[MOST];
-    size_t started, begun, finished, most; /* `begun` on threads of their own */
-    size_t threads;                        /* how many it has */
+    size_t started, begun, finished, most; /* `begun`: on threads of their own */
+    size_t threads;                        /* threads of the system */
     DcdWorld world;
     DcdStatus within;
 } Jobs;
@@ -60,7 +61,7 @@ static void finish(void *context, void *started)
     jobs->finished++;
 }
 
-/* A heap of boxes in so many regions. */
+/* Makes a heap of boxes in this many regions. */
 static DcdWorld heap(uint32_t regions)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -111,11 +112,11 @@ static void bits_do_not_depend_on_whose_threads_compute(uint32_t regions)
         tasks.finish = finish;
         OK(dcd_tasks_set(jobs.world, &tasks));
         HOLDS(run(jobs.world) == expected);
-        /* Steps that were tried on the calling thread, to see which is faster, start none. */
+        /* The library tries some steps on the calling thread, to see which is faster. They start no jobs. */
         HOLDS(jobs.started >= 3 && jobs.started % 3 == 0 && jobs.finished == jobs.started && jobs.most == 3);
         HOLDS(jobs.begun == jobs.started / 3 * threads && jobs.within == DCD_ERR_BUSY);
 
-        /* So do many queries, and few do not. */
+        /* Many queries start jobs too, and few do not. */
         DcdRay rays[300];
         DcdRayHit hits[300];
         const size_t before = jobs.started;
@@ -130,7 +131,7 @@ static void bits_do_not_depend_on_whose_threads_compute(uint32_t regions)
         OK(dcd_cast_rays(jobs.world, rays, 10, NULL, hits));
         HOLDS(jobs.started == before + 3);
 
-        /* The library's own again. */
+        /* The library's own threads again. */
         OK(dcd_tasks_set(jobs.world, NULL));
         OK(dcd_step(jobs.world));
         HOLDS(jobs.started == before + 3);

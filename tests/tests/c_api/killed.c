@@ -1,14 +1,16 @@
-/* A server's program builds a game in an empty world whose nodes are processes of their own, and plays on while one is killed and another
- * comes: `killed FOLDER`, run by served.rs, which hears on standard output when to do what, and answers by a line when it is done. */
+/* A server's program builds a game in an empty world whose nodes are processes of their own. It plays on
+ * while one node is killed and another joins: `killed FOLDER`, run by served.rs. The test reads on standard
+ * output when to do what, and answers with a line when it is done. */
 #define _POSIX_C_SOURCE 200809L
 #include "played.h"
 
 #include <math.h>
 
-/* Boxes in rows, a platform that goes up, and what is built when no node computes. */
+/* Boxes in rows, a platform that goes up, and a box that is made while no node computes. */
 enum { BOXES = 200, LIFT = BOXES + 1, LATE, COUNT = LATE };
 
-/* Steps until the client sees the i-th body between these heights, for half a minute. The lift never goes back below `floor`. */
+/* Steps until the client sees the i-th body between these heights, for at most half a minute. The lift must
+ * never go back below `floor`. */
 static bool comes(uint32_t i, double low, double high, double floor)
 {
     for (int k = 0; k < 6000; k++) {
@@ -22,7 +24,7 @@ static bool comes(uint32_t i, double low, double high, double floor)
     return false;
 }
 
-/* Tells the test something, and waits for what it does then. */
+/* Tells the test something, and waits until the test has reacted. */
 static void tell(const char *what)
 {
     char line[16];
@@ -31,7 +33,7 @@ static void tell(const char *what)
     HOLDS(fgets(line, sizeof line, stdin) != NULL);
 }
 
-/* Where the test's nodes are to join, and two tokens. */
+/* Prints the address for the test's nodes to join, and two tokens. */
 static void tell_nodes(void)
 {
     char address[64] = "", token[512] = "";
@@ -95,7 +97,8 @@ int main(int argc, char **argv)
     const double height = seen(LIFT).p[1];
 
     tell("computed");
-    /* The node is dead, whether the server has missed it yet or not. What comes and what goes now is the next one's to do. */
+    /* The node is dead, whether the server has noticed or not. The next node is to do what is created and
+     * removed now. */
     DcdBodyDef late = DCD_BODY_DEF_INIT;
     late.shape = box;
     late.pose.p[1] = 9.0;
@@ -107,7 +110,8 @@ int main(int argc, char **argv)
     HOLDS(dcd_body_is_valid(server, bodies[LATE]) && !dcd_body_is_valid(server, bodies[BOXES]));
     tell("built");
 
-    /* Another computes what the first one did, from where that was, but for what it had not told: 1.5 s of the lift's way. */
+    /* The other node continues from the first one's state, without its last untold ticks: at most 1.5 s of
+     * the lift's way. */
     HOLDS(comes(LATE, 0.7, 0.8, height - 1.5) && comes(LIFT, height + 3.0, 1e3, height - 1.5));
     DcdStateView view = DCD_STATE_VIEW_INIT;
     OK(dcd_state_view(client, &view));
@@ -121,7 +125,7 @@ int main(int argc, char **argv)
     for (uint32_t i = 1; i < BOXES; i++)
         for (int k = 0; k < 3; k++)
             HOLDS(fabs(seen(i).p[k] - before[i].p[k]) < 0.02);
-    /* And it hears the program, as the first one did. */
+    /* It takes the program's requests as the first node did. */
     const float kick[3] = { 0.0f, 1500.0f, 0.0f };
     OK(dcd_body_apply_impulse(server, bodies[1], kick, NULL));
     HOLDS(comes(1, 2.0, 20.0, height) && comes(1, 0.7, 0.8, height));

@@ -1,4 +1,5 @@
-/* How long a served world waits: avatars for the client that left them, and a client for its server: `leaving FOLDER`, run by served.rs. */
+/* How long a served world waits: with avatars for the client that left them, and as a client for its server:
+ * `leaving FOLDER`, run by served.rs. */
 #include "checks.h"
 
 #include <time.h>
@@ -28,7 +29,7 @@ static size_t bodies_of(DcdWorld world)
     return count;
 }
 
-/* Waits until the server knows so many bodies, for half a minute. */
+/* Waits until the server has this many bodies, for at most half a minute. */
 static bool has(size_t bodies, DcdWorld client)
 {
     for (int i = 0; i < 6000; i++) {
@@ -37,12 +38,12 @@ static bool has(size_t bodies, DcdWorld client)
             OK(dcd_step(client));
         if (bodies_of(server) == bodies)
             return true;
-        (void)dcd_poll(server, 5); /* nothing may have come */
+        (void)dcd_poll(server, 5); /* a timeout is no error here */
     }
     return false;
 }
 
-/* The client that comes back after that finds its avatar no more. */
+/* A client that comes back after the expiry finds its avatar gone. */
 static void avatars_are_removed(const char *folder)
 {
     char identity[600];
@@ -66,7 +67,7 @@ static void avatars_are_removed(const char *folder)
     OK(dcd_world_destroy(client));
 }
 
-/* The server goes and is not back: the client says so much earlier than after half a minute. */
+/* The server goes and does not come back: the client gives up much earlier than after half a minute. */
 static void clients_give_up(void)
 {
     DcdWorld client = join(NULL);

@@ -5,14 +5,14 @@ use std::process::Command;
 
 use crate::toolchain::{NATIVE_LIBS, library_dir, root, run, run_well};
 
-/// The functions that a header declares, each up to its semicolon.
+/// Returns the functions that a header declares, each up to its semicolon.
 pub(crate) fn declarations(header: &str) -> Vec<&str> {
-    // What is said of DCD_API itself stands before the first of them, among directives.
+    // What precedes the first function is the definition of DCD_API, with directives.
     let heads = header.split("DCD_API").skip(1).filter_map(|rest| rest.split(';').next());
     heads.map(str::trim).filter(|head| !head.contains('#')).collect()
 }
 
-/// The names of the functions that `dcd.h` declares.
+/// Returns the names of the functions that `dcd.h` declares.
 pub(crate) fn declared() -> BTreeSet<String> {
     let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
     let name = |head: &str| {
@@ -36,8 +36,9 @@ fn the_shared_library_exports_what_the_header_declares_and_nothing_else() {
 
 #[test]
 fn the_list_of_native_libraries_is_the_compilers_own() {
-    // That the list is enough is shown by every program that links; here, that it has nothing too much and is the same
-    // everywhere. An empty library needs what Rust's standard library needs. The long way, which compiles dcd anew:
+    // Every program that links shows that the list suffices. This test shows that it has nothing superfluous
+    // and is the same everywhere. An empty library needs what Rust's standard library needs. The slow way,
+    // which compiles dcd again:
     // cargo rustc -p dcd-ffi --crate-type staticlib -- --print native-static-libs
     let dir = tempfile::tempdir().unwrap();
     let source = dir.path().join("empty.rs");

@@ -1,4 +1,5 @@
-//! Tests what takes too long for every run, random calls and races of threads: `cargo test -p dcd-tests --test c_api long -- --ignored`.
+//! Tests what takes too long for every run: random calls, and data races of threads:
+//! `cargo test -p dcd-tests --test c_api long -- --ignored`.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -12,7 +13,7 @@ fn random_calls_find_no_bug_in_ten_minutes() {
     let dir = tempfile::tempdir().unwrap();
     let program = build(&checker("random_calls.c"), dir.path(), &SANITIZED);
     let start = Instant::now();
-    // Beyond the seeds of every run.
+    // Seeds that other tests do not use.
     for seed in 1_000_u64.. {
         let said = run_well(Command::new(&program).args([seed.to_string(), "50000".to_owned()]));
         println!("{:>4} s, seed {seed}: {}", start.elapsed().as_secs(), said.trim());
@@ -22,8 +23,8 @@ fn random_calls_find_no_bug_in_ten_minutes() {
     }
 }
 
-/// Everything is built anew under ThreadSanitizer, Rust's standard library too: with one that it does not see into, it would
-/// find races where there are none.
+/// Builds everything again under ThreadSanitizer, including Rust's standard library: with an uninstrumented
+/// one, ThreadSanitizer would report races that do not exist.
 #[test]
 #[ignore = "builds all crates anew; needs a nightly Rust with the component rust-src"]
 fn threads_race_nowhere() {
@@ -36,7 +37,7 @@ fn threads_race_nowhere() {
     assert!(forget_cargo(&mut cargo).arg(&built).status().unwrap().success(), "it does not build");
     let library = built.join(target).join("debug/libdcd_ffi.a");
     let lacking = checker("races.c");
-    // A memcpy that the compiler puts in place is not looked into.
+    // ThreadSanitizer does not see a memcpy that the compiler inlines.
     let flags = ["-fsanitize=thread", "-O1", "-fno-builtin", lacking.to_str().unwrap()];
     let program = build_with(&checker("misuse.c"), dir.path(), &flags, &library);
     run_well(Command::new(program).current_dir(dir.path()));

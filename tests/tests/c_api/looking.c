@@ -1,4 +1,5 @@
-/* What bodies look like: all of them are listed, shapes are read back as they were made, and how large and heavy bodies are follows from them. */
+/* What bodies look like: all bodies are listed, shapes are read back as they were made, and the sizes and
+ * masses of bodies follow from them. */
 #include "checks.h"
 
 #include <math.h>
@@ -17,7 +18,7 @@ static DcdShapeInfo info_of(DcdWorld world, DcdShapeId shape)
     return info;
 }
 
-/* Each shape is as it was made. */
+/* Each shape is read back as it was made. */
 static void shapes(DcdWorld world)
 {
     const float half[3] = { 1.0f, 2.0f, 3.0f };
@@ -67,7 +68,8 @@ static void shapes(DcdWorld world)
     OK(dcd_shape_vertices(world, shape, xyz, 4, &count));
     OK(dcd_shape_triangles(world, shape, indices, 2, &count));
     HOLDS(memcmp(xyz, corners, 12 * sizeof *xyz) == 0 && memcmp(indices, faces, sizeof faces) == 0);
-    /* Stretched: each vertex, and a sphere into a hull unless by one factor; what was stretched from stays. */
+    /* Scaled: each vertex of a mesh; a sphere becomes a hull unless all factors are the same. The original
+     * stays. */
     const float stretch[3] = { 2.0f, 3.0f, 0.5f }, twice[3] = { 2.0f, 2.0f, 2.0f };
     OK(dcd_shape_scale(world, shape, stretch, &again));
     OK(dcd_shape_vertices(world, again, xyz, 4, &count));
@@ -106,7 +108,7 @@ static void shapes(DcdWorld world)
     HOLDS(memcmp(info.size, scale, sizeof scale) == 0 && info.vertex_count == 6 && info.triangle_count == 4);
     OK(dcd_shape_heights(world, shape, read, 6, &count));
     HOLDS(count == 6 && memcmp(read, heights, sizeof heights) == 0);
-    /* heights[1] is the second along z, at x = -5, z = 10. */
+    /* heights[1] is the second one along z, at x = -5, z = 10. */
     OK(dcd_shape_vertices(world, shape, xyz, 12, &count));
     bool found = false;
     for (size_t i = 0; i < count; i++)
@@ -141,7 +143,7 @@ static void shapes(DcdWorld world)
     FAILS(dcd_shape_vertices(world, parts[0], xyz, 12, NULL), DCD_ERR_NULL, "count");
 }
 
-/* Bodies by what the library says of them alone. */
+/* Bodies as the library describes them. */
 static void bodies(DcdWorld world)
 {
     const float slab[3] = { 20.0f, 0.5f, 20.0f }, half[3] = { 0.5f, 1.0f, 1.5f };
@@ -174,7 +176,8 @@ static void bodies(DcdWorld world)
     OK(dcd_bodies(world, all, 4, &count));
     HOLDS(count == 3 && all[0].v == floor.v && all[1].v == box.v && all[2].v == twin.v);
 
-    /* Equal shapes have one handle, which is not that with which they were made, and does what others do. */
+    /* Bodies with equal shapes share one handle. It differs from the handle that they were made with, and
+     * works like any other. */
     OK(dcd_collider_shape(world, box, 0, &shape));
     OK(dcd_collider_shape(world, twin, 0, &other));
     HOLDS(shape.v == other.v && shape.v != made.v);
@@ -194,7 +197,7 @@ static void bodies(DcdWorld world)
     OK(dcd_body_destroy(world, third));
     FAILS(dcd_collider_shape(world, third, 0, &again), DCD_ERR_STALE_ID, "body");
 
-    /* 1 x 2 x 3 m of water, whatever regions share it. */
+    /* 1 x 2 x 3 m with the density of water, no matter which regions hold it. */
     OK(dcd_body_extent(world, box, &extent));
     OK(dcd_body_info(world, box, &info));
     HOLDS(near(extent.mass, 6000.0, 0.1) && near(info.mass, extent.mass, 0.1));
@@ -202,7 +205,7 @@ static void bodies(DcdWorld world)
     HOLDS(near(0.5 * (extent.max[0] + extent.min[0]), -0.4, 0.05) && near(extent.min[1], 0.0, 0.02));
     HOLDS(near(extent.inertia[0], 500.0 * 13.0, 1.0) && near(extent.inertia[1], 500.0 * 10.0, 1.0) &&
           near(extent.inertia[2], 500.0 * 5.0, 1.0));
-    /* Two metres above, as heavy again. */
+    /* A collider of the same mass two metres above. */
     hat.mass = 6000.0f;
     hat.frame.p[1] = 2.0f;
     OK(dcd_shape_sphere(world, 0.5f, &shape));
@@ -221,7 +224,7 @@ static void bodies(DcdWorld world)
     FAILS(dcd_bodies((DcdWorld){ 0 }, all, 4, &count), DCD_ERR_NULL, "world");
 }
 
-/* Ground without end bears in both regions; a round box stands on its border; a wire is met. */
+/* A half-space bears bodies in both regions; a round box stands on its border; a wire is met by a query. */
 static void ground_wires_and_round_edges(DcdWorld world)
 {
     const float up[3] = { 0.0f, 3.0f, 0.0f }, half[3] = { 0.4f, 0.4f, 0.4f }, end[3] = { 4.0f, 0.0f, 0.0f }, start[3] = { 0 };
@@ -271,15 +274,15 @@ static void ground_wires_and_round_edges(DcdWorld world)
     FAILS(dcd_body_create(world, &ground, &plane), DCD_ERR_ARGUMENT, "mass");
 }
 
-/* What is drawn between two poses: positions go straight, rotations the shorter way. */
+/* Poses between two poses: positions are interpolated linearly, rotations along the shorter arc. */
 static void poses_between(void)
 {
-    const double eighth = 3.14159265358979 / 8.0; /* half of half a right angle */
+    const double eighth = 3.14159265358979 / 8.0; /* half of 45 degrees */
     const DcdPose from = { { 1.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
     DcdPose to = { { 3.0, 4.0, 0.0 }, { 0.0f, 0.0f, (float)sin(2.0 * eighth), (float)cos(2.0 * eighth) } }, between, bad;
     OK(dcd_pose_interpolate(&from, &to, 0.0, &between));
     HOLDS(memcmp(between.p, from.p, sizeof from.p) == 0 && near(between.q[3], 1.0, 1e-6));
-    for (int sign = 1; sign >= -1; sign -= 2) { /* the same rotation both times */
+    for (int sign = 1; sign >= -1; sign -= 2) { /* both signs are the same rotation */
         for (int i = 0; i < 4; i++)
             to.q[i] *= (float)sign;
         OK(dcd_pose_interpolate(&from, &to, 0.5, &between));
@@ -287,7 +290,7 @@ static void poses_between(void)
         HOLDS(near(fabs(between.q[3]), cos(eighth), 1e-6) && near(between.q[2] / between.q[3], tan(eighth), 1e-6));
     }
     between = to;
-    OK(dcd_pose_interpolate(&from, &between, 1.0, &between)); /* into one of the two */
+    OK(dcd_pose_interpolate(&from, &between, 1.0, &between)); /* the result may be one of the inputs */
     HOLDS(memcmp(between.p, to.p, sizeof to.p) == 0);
     FAILS(dcd_pose_interpolate(NULL, &to, 0.5, &between), DCD_ERR_NULL, "from");
     FAILS(dcd_pose_interpolate(&from, NULL, 0.5, &between), DCD_ERR_NULL, "to");

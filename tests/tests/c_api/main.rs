@@ -1,5 +1,5 @@
-//! Tests the C API from C: the header in every dialect, the examples, misuse, the exported symbols, the package, what older
-//! programs find changed.
+//! Tests the C API from C: the header in every dialect, the examples, misuse, the exported symbols, the
+//! package, and compatibility with older programs.
 
 mod abi;
 mod covered;

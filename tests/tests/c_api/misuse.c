@@ -1,4 +1,5 @@
-/* Every way to misuse the C API that the header has a code for: each must give its code, and nothing may crash. */
+/* Every misuse of the C API for which the header has a code: each call must return its code, and nothing may
+ * crash. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
@@ -42,7 +43,7 @@ static DcdBodyId make_body(DcdWorld world, DcdShapeId shape, DcdBodyType type, d
     return body;
 }
 
-/* A dynamic body cannot lose all its mass, whichever way; what is refused changes nothing. */
+/* A dynamic body cannot lose all its mass in any way. A refused call changes nothing. */
 static void mass_stays(void)
 {
     const float corners[] = { 0, 0, 0, 1, 0, 0, 0, 0, 1 };
@@ -169,7 +170,7 @@ static void worlds(void)
     def.preset = UINT32_MAX;
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
     def.preset = DCD_PRESET_DRAFT;
-    def.coupling = DCD_COUPLING_OWNER; /* has no presets */
+    def.coupling = DCD_COUPLING_OWNER; /* it has no presets */
     EXPECT(dcd_world_create(&def, &world), DCD_ERR_ARGUMENT);
     def = (DcdWorldDef)DCD_WORLD_DEF_INIT;
     def.exchanges = 65;
@@ -210,7 +211,7 @@ static void worlds(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_world_destroy(world), DCD_ERR_STALE_ID);
     EXPECT(dcd_step(world), DCD_ERR_STALE_ID);
-    again = make_world(1); /* takes the same place, not the same name */
+    again = make_world(1); /* reuses the slot, but not the handle */
     HOLDS(again.v != world.v && !dcd_world_is_valid(world) && dcd_world_is_valid(again));
     EXPECT(dcd_world_destroy(again), DCD_OK);
 }
@@ -293,8 +294,8 @@ static void shapes(void)
     EXPECT(dcd_shape_heightfield(world, solid, 2, 3, HALF, &shape), DCD_OK);
     parts[0] = make_box(world);
     parts[1] = shape;
-    FAILS(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT, "parts[1]"); /* nor is terrain */
-    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, &shape), DCD_OK); /* the good one is left */
+    FAILS(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT, "parts[1]"); /* terrain is no part either */
+    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, &shape), DCD_OK); /* the valid triangle alone */
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, &shape), DCD_OK);
     parts[0] = make_box(world);
     parts[1] = shape;
@@ -398,7 +399,7 @@ static void bodies(void)
     REFUSED(sleep_angular, -1.0f, DCD_ERR_ARGUMENT);
     REFUSED(sleep_after, INFINITY, DCD_ERR_ARGUMENT);
     REFUSED(extra_mass, -1.0f, DCD_ERR_ARGUMENT);
-    REFUSED(extra_centre[0], 1.0f, DCD_ERR_ARGUMENT); /* of no extra mass */
+    REFUSED(extra_centre[0], 1.0f, DCD_ERR_ARGUMENT); /* without extra mass */
     REFUSED(extra_inertia[2], 1.0f, DCD_ERR_ARGUMENT);
     REFUSED(extra_solver_iterations, 1001, DCD_ERR_ARGUMENT);
     REFUSED(extra_pgs_iterations, UINT32_MAX, DCD_ERR_ARGUMENT);
@@ -542,7 +543,7 @@ static void bodies(void)
     EXPECT(dcd_body_set_properties(world, many[0], NULL), DCD_ERR_NULL);
     EXPECT(dcd_body_set_properties(world, NO_BODY, &as), DCD_ERR_NULL);
     EXPECT(dcd_body_set_properties(other, many[0], &as), DCD_ERR_STALE_ID);
-    as.flags = DCD_BODY_SENSOR; /* of its shape */
+    as.flags = DCD_BODY_SENSOR; /* a flag of its collider */
     EXPECT(dcd_body_set_properties(world, many[0], &as), DCD_ERR_ARGUMENT);
     as.flags = 0;
     as.gravity_scale = NAN;
@@ -565,7 +566,7 @@ static void bodies(void)
     EXPECT(dcd_collider_add(world, many[0], box, &part, &number), DCD_ERR_STRUCT);
     EXPECT(dcd_collider_add(world, many[0], NO_SHAPE, NULL, &number), DCD_ERR_NULL);
     EXPECT(dcd_collider_add(other, many[0], box, NULL, &number), DCD_ERR_STALE_ID);
-    EXPECT(dcd_collider_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* it has no other */
+    EXPECT(dcd_collider_remove(world, many[0], 0), DCD_ERR_ARGUMENT); /* its only collider */
     EXPECT(dcd_collider_set_shape(world, many[0], 0, NO_SHAPE), DCD_ERR_NULL);
     EXPECT(dcd_collider_set_shape(world, many[0], 1, box), DCD_ERR_ARGUMENT);
     HOLDS(number == 7);
@@ -604,7 +605,7 @@ static void bodies(void)
     FAILS(dcd_body_destroy(world, many[0]), DCD_ERR_STALE_ID, "dcd_body_destroy: ");
     EXPECT(dcd_body_set_pose(world, many[1], &good.pose), DCD_ERR_STALE_ID);
     EXPECT(dcd_step(world), DCD_OK);
-    body = make_body(world, box, DCD_DYNAMIC, 0.0); /* ids are not given again */
+    body = make_body(world, box, DCD_DYNAMIC, 0.0); /* ids are not reused */
     HOLDS(body.v != many[0].v && body.v != many[1].v && !dcd_body_is_valid(world, many[0]));
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_body_get(world, body, &read, NULL), DCD_ERR_STALE_ID);
@@ -638,9 +639,9 @@ static void joints(void)
     UNTIED(frame_a.p[0], NAN, DCD_ERR_ARGUMENT);
     UNTIED(frame_b.q[0], 1.0f, DCD_ERR_ARGUMENT);
     UNTIED(flags, 16, DCD_ERR_ARGUMENT);
-    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* a fixed joint has none */
+    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* a fixed joint has no limit */
     UNTIED(flags, DCD_JOINT_MOTOR, DCD_ERR_ARGUMENT);
-    UNTIED(locked, DCD_LOCK_X, DCD_ERR_ARGUMENT); /* its type says what it locks */
+    UNTIED(locked, DCD_LOCK_X, DCD_ERR_ARGUMENT); /* its type determines what it locks */
     UNTIED(coupled, DCD_LOCK_X, DCD_ERR_ARGUMENT);
     UNTIED(natural_frequency, 0.0f, DCD_ERR_ARGUMENT);
     UNTIED(natural_frequency, NAN, DCD_ERR_ARGUMENT);
@@ -649,7 +650,7 @@ static void joints(void)
     UNTIED(joint_type, DCD_JOINT_SPRING, DCD_ERR_ARGUMENT); /* without stiffness */
     good.joint_type = DCD_JOINT_ROPE;
     good.flags = DCD_JOINT_LIMIT | DCD_JOINT_MOTOR;
-    UNTIED(limit[0], 0.5f, DCD_ERR_ARGUMENT); /* a distance has no lowest */
+    UNTIED(limit[0], 0.5f, DCD_ERR_ARGUMENT); /* a distance has no lower limit */
     UNTIED(limit[1], -1.0f, DCD_ERR_ARGUMENT);
     UNTIED(limit[1], NAN, DCD_ERR_ARGUMENT);
     UNTIED(limit[1], 1e30f, DCD_ERR_ARGUMENT);
@@ -661,7 +662,7 @@ static void joints(void)
     UNTIED(motor.max_force, -1.0f, DCD_ERR_ARGUMENT);
     UNTIED(motor.model, 2, DCD_ERR_ARGUMENT);
     good.joint_type = DCD_JOINT_GENERIC;
-    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* of which axis? */
+    UNTIED(flags, DCD_JOINT_LIMIT, DCD_ERR_ARGUMENT); /* for which axis? */
     good.flags = 0;
     UNTIED(locked, 64, DCD_ERR_ARGUMENT);
     UNTIED(coupled, DCD_LOCK_TURN_X, DCD_ERR_ARGUMENT);
@@ -672,7 +673,7 @@ static void joints(void)
     EXPECT(dcd_joint_create(world, &def, &joint), DCD_ERR_ARGUMENT);
     HOLDS(joint.v == 5);
 
-    /* Along x and y it is locked, about x and y coupled. */
+    /* x and y are locked; the turns about x and y are coupled. */
     DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;
     DcdJointInfo info = DCD_JOINT_INFO_INIT;
     DcdFrame frame = good.frame_a;
@@ -764,7 +765,8 @@ static void bulk(void)
     HOLDS(early.count == 3 && early.tick == 1);
     HOLDS(early.ids[2].v == ids[2].v);
 
-    /* A late reader reads old numbers until the step after next, never freed memory, even if the arrays grow. */
+    /* An old view can be read until the step after next, and never shows freed memory, even if the arrays
+     * grow. */
     double height = early.poses[2].p[1];
     EXPECT(dcd_step(world), DCD_OK);
     HOLDS(early.poses[2].p[1] == height && early.slots[2] == 2);
@@ -825,7 +827,7 @@ static void bulk(void)
     EXPECT(dcd_body_destroy(world, ids[2]), DCD_OK);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, poses, 0, each), DCD_OK);
     HOLDS(each[0] == DCD_OK && each[1] == DCD_ERR_NULL && each[2] == DCD_ERR_STALE_ID);
-    HOLDS(poses[0].p[0] == -1.0 && isnan(poses[1].q[3])); /* bad bodies leave their place alone */
+    HOLDS(poses[0].p[0] == -1.0 && isnan(poses[1].q[3])); /* bad bodies leave their elements unchanged */
 
     EXPECT(dcd_events(world, NULL), DCD_ERR_NULL);
     events.struct_size = 0;
@@ -851,7 +853,7 @@ static void bulk(void)
     EXPECT(dcd_interest_set(world, NULL, NAN), DCD_ERR_ARGUMENT);
     EXPECT(dcd_interest_set((DcdWorld){ 0 }, NULL, 0.0), DCD_ERR_NULL);
     EXPECT(dcd_bandwidth_set((DcdWorld){ 0 }, 1000), DCD_ERR_NULL);
-    EXPECT(dcd_bandwidth_set(world, 1000), DCD_OK); /* a local world knows all */
+    EXPECT(dcd_bandwidth_set(world, 1000), DCD_OK); /* a local world needs no network */
     DcdPrediction prediction = DCD_PREDICTION_INIT;
     EXPECT(dcd_prediction_set((DcdWorld){ 0 }, true), DCD_ERR_NULL);
     EXPECT(dcd_prediction_set(world, true), DCD_OK); /* and has nothing to predict */
@@ -885,7 +887,7 @@ static void bulk(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
-/* Submitted rays: their ids, their bound, and when they are closed. */
+/* Submitted rays: their ids, the limit of open ones, and when they are closed. */
 static void submitted(void)
 {
     DcdWorld world = make_world(2), other = make_world(1);
@@ -923,7 +925,7 @@ static void submitted(void)
     HOLDS(count == 9);
     EXPECT(dcd_query_poll(world, query, hits, 1, &count), DCD_ERR_SMALL_BUFFER);
     HOLDS(count == 2);
-    EXPECT(dcd_query_poll(world, query, NULL, 0, &count), DCD_OK); /* the number, and the query stays open */
+    EXPECT(dcd_query_poll(world, query, NULL, 0, &count), DCD_OK); /* returns the number and leaves the query open */
     HOLDS(count == 2);
     EXPECT(dcd_query_poll(world, query, hits, 2, &count), DCD_OK);
     HOLDS(count == 2 && hits[0].body.v == body.v && hits[0].distance > 0.0f && hits[1].body.v == 0);
@@ -947,7 +949,7 @@ static void submitted(void)
     EXPECT(dcd_query_poll(world, many[0], hits, 2, &count), DCD_ERR_STALE_ID);
 }
 
-/* Submitted casts and overlaps: null, no world, too many, not numbers. */
+/* Submitted casts and overlaps: null pointers, no world, too many, NaN. */
 static void submitted_shapes(void)
 {
     DcdWorld world = make_world(2), none = { 0 };
@@ -986,7 +988,7 @@ static void submitted_shapes(void)
     EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_STALE_ID);
     HOLDS(query.v == 7);
 
-    /* What is submitted keeps its shape. */
+    /* A submitted query keeps its shape. */
     cast.shape = shape.shape = make_box(world);
     shape.pose.q[3] = 1.0f;
     EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_OK);
@@ -1004,14 +1006,14 @@ static void submitted_shapes(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
-/* What a call on the world gave from within a function of a query. */
+/* The status of a call on the world from within a query's function. */
 static DcdStatus meddled;
 
 static float meddling_hit(void *context, const DcdRayHit *hit)
 {
     (void)hit;
     meddled = dcd_step(*(DcdWorld *)context);
-    return NAN; /* what is no distance ends it */
+    return NAN; /* NaN ends the query */
 }
 
 static float meddling_cast(void *context, const DcdShapeHit *hit)
@@ -1039,7 +1041,7 @@ static void keep_memory(void *context, void *block, size_t size, size_t alignmen
     (void)context, (void)block, (void)size, (void)alignment;
 }
 
-/* The library of these tests is built without. */
+/* The library of these tests is built without the feature `allocator`. */
 static void an_allocator(void)
 {
     FAILS(dcd_allocator_set(no_memory, keep_memory, NULL), DCD_ERR_UNSUPPORTED, "--features allocator");
@@ -1198,7 +1200,7 @@ static void queries(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
-/* Other processes, which a local world has none of. */
+/* Calls about other processes, of which a local world has none. */
 static void network(void)
 {
     const DcdConnectionId none = { 0 }, stranger = { 12345 };
@@ -1249,7 +1251,7 @@ static void checkpoints(void)
     EXPECT(dcd_checkpoint_destroy(world, none), DCD_ERR_NULL);
     EXPECT(dcd_checkpoint_destroy(world, other), DCD_ERR_STALE_ID);
     EXPECT(dcd_checkpoint_destroy(NO_WORLD, one), DCD_ERR_NULL);
-    /* A body that came since is gone, and its id is given to the next. */
+    /* A body made after the checkpoint is gone, and its id is reused. */
     DcdShapeId shape = make_box(world);
     DcdBodyId late = make_body(world, shape, DCD_DYNAMIC, 5.0);
     EXPECT(dcd_checkpoint_restore(world, one), DCD_OK);
@@ -1324,7 +1326,7 @@ static void logging(void)
 {
     logged_world = make_world(1);
     EXPECT(dcd_log_set(on_log, &logged_lines, DCD_LOG_DEBUG), DCD_OK);
-    EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL); /* a failed call is a line */
+    EXPECT(dcd_step(NO_WORLD), DCD_ERR_NULL); /* a failed call is logged */
     HOLDS(logged_lines == 1);
     HOLDS(logged_status == DCD_ERR_BUSY);
     EXPECT(dcd_log_set(NULL, NULL, DCD_LOG_TRACE), DCD_OK);
@@ -1333,8 +1335,8 @@ static void logging(void)
     EXPECT(dcd_world_destroy(logged_world), DCD_OK);
 }
 
-/* One thread steps, one makes and destroys bodies, one reads, and at last the world is destroyed under all of them. Statuses
- * are counted instead of EXPECTed there, since `checks` belongs to the main thread. */
+/* Some threads step, one makes and destroys bodies, one reads, and finally the world is destroyed under all
+ * of them. The threads return statuses instead of using EXPECT, since `checks` belongs to the main thread. */
 static DcdWorld shared;
 static DcdShapeId shared_box;
 
@@ -1348,7 +1350,7 @@ static void *step_it(void *unused)
     return status == DCD_ERR_STALE_ID ? NULL : &shared;
 }
 
-/* Two of these take turns: the other one's step is not theirs to wait for. */
+/* Two of these threads alternate: neither can wait for the other's step. */
 static void *begin_it(void *unused)
 {
     (void)unused;

@@ -1,5 +1,5 @@
-/* Connections and messages: a server, two nodes, a client and a participant in one process, over loopback: `network FOLDER`,
- * run by served.rs. */
+/* Connections and messages: a server, two nodes, a client and a participant in one process, over loopback:
+ * `network FOLDER`, run by served.rs. */
 #include "checks.h"
 
 #include <pthread.h>
@@ -7,18 +7,18 @@
 static DcdWorld server, nodes[2], client, participant, local;
 static char address[64], token[512];
 
-/* What one world's steps told. */
+/* The events of one world's steps. */
 typedef struct Heard {
     unsigned came, lost, back, gone;
     unsigned messages, datagrams;
-    /* Of the last message. */
+    /* The last message. */
     DcdMessage last;
     char bytes[64];
-    /* Of the last connection that is gone. */
+    /* The last connection that ended. */
     DcdConnectionEvent ended;
 } Heard;
 
-/* Waits until something has come, takes it in, and adds it to what was heard. */
+/* Waits until something has come, makes a step, and counts its events. */
 static DcdStatus hear(DcdWorld world, Heard *heard)
 {
     DcdEventView events = DCD_EVENT_VIEW_INIT;
@@ -51,7 +51,7 @@ static DcdStatus hear(DcdWorld world, Heard *heard)
     return status;
 }
 
-/* Hears until something holds, or for far longer than it takes. */
+/* Hears until a condition holds, or for much longer than it can take. */
 #define HEAR(world, heard, until) \
     do { \
         for (int tries = 0; tries < 30000 && !(until) && hear((world), (heard)) == DCD_OK; tries++) { \
@@ -95,7 +95,7 @@ static void start(const char *folder)
     OK(dcd_world_create(&cut, &local));
 }
 
-/* The connection of a world with a process of this role. */
+/* The connection of a world to a process of this role. */
 static DcdConnectionId find(DcdWorld world, DcdRole role)
 {
     DcdConnectionId all[16], found = { 0 };
@@ -147,7 +147,7 @@ static void who_is_there(void)
         HOLDS(info.bytes_out > 0 && info.messages_in > 0 && info.messages_out > 0);
         FAILS(dcd_connection_info(server, upwards, &info), DCD_ERR_STALE_ID, "connection");
     }
-    /* Its avatars' leader. */
+    /* A client is also connected to the leader of its avatars. */
     Heard news = { 0 };
     HEAR(client, &news, find(client, DCD_ROLE_NODE).v != 0);
     OK(dcd_connections(local, NULL, 0, &count));
@@ -163,12 +163,12 @@ static void what_programs_say(void)
     HOLDS(at_server.last.size == 5 && memcmp(at_server.bytes, "hello", 5) == 0);
     HOLDS(at_server.last.role == DCD_ROLE_CLIENT && at_server.last.connection.v == to_client.v);
     HOLDS(at_server.last.client != 0 && at_server.last.node == 0);
-    /* Answered where it came from; nothing is a message too. */
+    /* The answer goes back over the connection of the message. It is empty, which is allowed. */
     OK(dcd_send(server, at_server.last.connection, NULL, 0, 0));
     HEAR(client, &at_client, at_client.messages == 1);
     HOLDS(at_client.last.size == 0 && at_client.last.data == NULL && at_client.last.role == DCD_ROLE_SERVER);
 
-    /* In order, whatever their sizes. */
+    /* Messages of all sizes arrive in order. */
     static unsigned char longest[DCD_MAX_MESSAGE];
     memset(longest, 7, sizeof longest);
     uint32_t next = 0;
@@ -191,7 +191,7 @@ static void what_programs_say(void)
     }
     HOLDS(next == 200);
 
-    /* To every role. */
+    /* Messages of every role. */
     struct {
         DcdWorld world;
         DcdRole role;
@@ -207,7 +207,7 @@ static void what_programs_say(void)
         HOLDS(memcmp(there.bytes, "thanks", 6) == 0);
     }
 
-    /* A datagram may be lost; of many, one arrives. */
+    /* A datagram may be lost; of many, at least one arrives. */
     for (int tries = 0; tries < 1000 && at_client.datagrams == 0; tries++) {
         OK(dcd_send(server, to_client, longest, DCD_MAX_DATAGRAM, DCD_SEND_UNRELIABLE));
         hear(client, &at_client);
@@ -229,7 +229,7 @@ static void what_programs_say(void)
     FAILS(dcd_send(local, to_client, &letter, 1, 0), DCD_ERR_UNSUPPORTED, "local");
 }
 
-/* A program that makes no steps holds up who writes to it, and nobody else. */
+/* A program that makes no steps blocks those that write to it, and nobody else. */
 static void a_full_queue(void)
 {
     static const char page[10000];
@@ -237,7 +237,7 @@ static void a_full_queue(void)
     DcdWorldInfo before = DCD_WORLD_INFO_INIT, after = DCD_WORLD_INFO_INIT;
     Heard heard = { 0 };
     unsigned sent = 0;
-    /* Until not even waiting makes room. */
+    /* Until waiting no longer makes room. */
     for (int refused = 0; refused < 50;) {
         DcdStatus status = dcd_send(server, to_client, page, sizeof page, 0);
         sent += status == DCD_OK;
@@ -280,16 +280,16 @@ static void waiting(void)
     while (dcd_poll(server, 0) == DCD_OK)
         hear(server, &heard);
     FAILS(dcd_poll(server, 1), DCD_ERR_TIMEOUT, "1 ms");
-    /* Nobody waits for who waits. */
+    /* A thread that waits blocks no other. */
     HOLDS(pthread_create(&waiter, NULL, wait_long, NULL) == 0);
     OK(dcd_step(server));
     OK(dcd_send(client, find(client, DCD_ROLE_SERVER), "wake up", 7, 0));
     OK(dcd_poll(server, 60000));
     HOLDS(pthread_join(waiter, NULL) == 0 && waited == DCD_OK);
-    /* It has not been taken in yet. */
+    /* The message has not been taken in yet. */
     OK(dcd_poll(server, 0));
     OK(dcd_step(server));
-    /* The world's states wake a client. */
+    /* New states of the world wake a client. */
     OK(dcd_step(client));
     OK(dcd_poll(client, 60000));
 }
@@ -306,7 +306,7 @@ static void sending_away(void)
     FAILS(dcd_disconnect(local, to_client, NULL), DCD_ERR_UNSUPPORTED, "local");
     FAILS(dcd_disconnect(server, to_server, NULL), DCD_ERR_STALE_ID, "connection");
 
-    /* What was said before arrives. */
+    /* Messages sent before the disconnection arrive. */
     OK(dcd_send(server, to_client, "goodbye", 7, 0));
     OK(dcd_disconnect(server, to_client, "cheating"));
     HEAR(server, &at_server, at_server.gone == 1);
@@ -322,7 +322,7 @@ static void sending_away(void)
     FAILS(dcd_send(client, to_server, "x", 1, 0), DCD_ERR_STALE_ID, "connection");
     OK(dcd_poll(client, UINT32_MAX));
 
-    /* A node hands its share over first. */
+    /* A node hands its regions over first. */
     DcdConnectionId to_node = { 0 }, all[8];
     size_t count = 0;
     OK(dcd_connections(nodes[0], all, 8, &count));
@@ -348,7 +348,7 @@ static void sending_away(void)
     } while (after.tick < before.tick + 10);
 }
 
-/* Who goes by its own wish is told apart from who is sent away, and from who dies. */
+/* A process that leaves by itself is told apart from one that is sent away and from one that dies. */
 static void leaving(void)
 {
     DcdClientDef play = DCD_CLIENT_DEF_INIT;
@@ -361,7 +361,7 @@ static void leaving(void)
     OK(dcd_world_destroy(passer_by));
     HEAR(server, &heard, heard.gone == 1);
     HOLDS(heard.ended.role == DCD_ROLE_CLIENT && heard.ended.cause == DCD_CAUSE_LEFT);
-    /* One of the two has been sent away. */
+    /* One of the two nodes has been sent away before. */
     OK(dcd_world_destroy(nodes[0]));
     OK(dcd_world_destroy(nodes[1]));
     HEAR(server, &heard, heard.gone == 2);
@@ -381,7 +381,7 @@ int main(int argc, char **argv)
     sending_away();
     leaving();
 
-    /* The end is told last. */
+    /* The end of the world is told last. */
     Heard heard = { 0 };
     OK(dcd_world_destroy(client));
     OK(dcd_world_destroy(server));

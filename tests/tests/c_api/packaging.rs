@@ -1,5 +1,5 @@
-//! Tests dcd as others get it: installed into a prefix, found there by CMake, by pkg-config and by hand, or built along with them;
-//! and the page that says how, word for word.
+//! Tests dcd as its users get it: installed into a prefix and found there by CMake, pkg-config and by hand,
+//! or built along with the user's project. Also runs the page that describes this, word for word.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -7,10 +7,10 @@ use std::process::Command;
 
 use crate::toolchain::{NATIVE_LIBS, forget_cargo, is_installed, profile, root, run_well, target_dir};
 
-/// What the consumer's game says, in either language.
+/// The output of the consumer's game in both languages.
 const SAID: &str = "dcd 0.1.0, fell to -4.9 m\n";
 
-/// What makes CMake ask cargo for the library as `cargo test --workspace` builds it, so that nothing is compiled twice there.
+/// Options that make CMake call cargo as `cargo test --workspace` does, so that nothing is compiled twice.
 fn of_this_test() -> [String; 3] {
     let target = target_dir();
     [
@@ -20,7 +20,7 @@ fn of_this_test() -> [String; 3] {
     ]
 }
 
-/// Configures a project of ours and builds all of it.
+/// Configures one of our CMake projects and builds all of it.
 pub(crate) fn cmake_build(source: &str, build: &Path, flags: &[&str]) {
     let mut configure = Command::new("cmake");
     configure.arg("-S").arg(root().join(source)).arg("-B").arg(build).args(flags).args(of_this_test());
@@ -45,7 +45,7 @@ fn installed_it_is_found_by_cmake_by_pkg_config_and_by_hand() {
     cmake_build("dcd-ffi", &build, &[]);
     let first = folder.path().join("first");
     run_well(Command::new("cmake").arg("--install").arg(&build).arg("--prefix").arg(&first));
-    // Nothing of it may lead back to where it was built or installed first.
+    // The installed files must not refer to the build folder or to the first prefix.
     std::fs::remove_dir_all(&build).unwrap();
     let prefix = folder.path().join("prefix");
     std::fs::rename(first, &prefix).unwrap();
@@ -69,7 +69,7 @@ fn installed_it_is_found_by_cmake_by_pkg_config_and_by_hand() {
     }
 }
 
-/// Compiles the consumer's game in both languages, with these flags, and runs it.
+/// Compiles the consumer's game in both languages with these flags, and runs it.
 fn compile_and_run(prefix: &Path, flags: &[String]) {
     for (variable, default, language) in [("CC", "cc", "c"), ("CXX", "c++", "cpp")] {
         let program = prefix.join("game");
@@ -111,7 +111,7 @@ fn a_project_that_fetches_dcd_builds_it_along() {
         return;
     }
     let build = tempfile::tempdir().unwrap();
-    // In place of the network, this repository.
+    // This repository stands in for the network.
     let fetched = format!("-DFETCHCONTENT_SOURCE_DIR_DCD={}", root().display());
     cmake_build("tests/consumer/superbuild", build.path(), &[&fetched]);
     check_cmake_games(build.path());
@@ -128,7 +128,7 @@ fn cmake_builds_the_examples() {
     assert!(run_well(&mut Command::new(build.path().join("hello"))).contains("box 4"));
 }
 
-/// The commands of a section of a page, as one script.
+/// Returns the commands of a section of a page as one script.
 fn commands(page: &str, section: &str) -> String {
     let page = std::fs::read_to_string(root().join(page)).unwrap();
     let section =
@@ -138,7 +138,7 @@ fn commands(page: &str, section: &str) -> String {
     blocks.collect()
 }
 
-/// A stand-in for a tool.
+/// Writes a script that stands in for a tool.
 fn stand_in(bin: &Path, tool: &str, script: &str) {
     let path = bin.join(tool);
     std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
@@ -156,7 +156,7 @@ fn the_page_from_zero_to_a_linked_engine_does_what_it_says() {
     std::fs::create_dir_all(home.path().join(".cargo")).unwrap();
     std::fs::write(home.path().join(".cargo/env"), "").unwrap();
     std::fs::create_dir(&bin).unwrap();
-    // Others do what needs root, the network or many minutes.
+    // Stand-ins for what needs root, the network or many minutes.
     stand_in(&bin, "sudo", "exit 0");
     stand_in(&bin, "curl", "exit 0");
     let root = root();
@@ -170,11 +170,11 @@ fn the_page_from_zero_to_a_linked_engine_does_what_it_says() {
     stand_in(&bin, "cmake", &format!("[ \"$2\" = dcd-ffi ] && set -- \"$@\" {flags}\nexec {cmake} \"$@\""));
     std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_dcd-under-test"), bin.join("dcd")).unwrap();
 
-    // A port that nobody else has.
+    // A port that nobody else uses.
     let listen = dcd_tests::proxy::free_address().to_string();
     let script = commands("examples-c/README.md", "From zero").replace("127.0.0.1:7420", &listen);
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
-    // What the page leaves running when it fails would hold on to our pipes.
+    // If the page fails, processes that it leaves running would keep our pipes open.
     let script = format!("trap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n{script}");
     let mut shell = Command::new("bash");
     shell.args(["-euo", "pipefail", "-c", &script]).env("HOME", home.path()).env("PATH", path);

@@ -1,4 +1,4 @@
-/* What programs share that serve a world, play in it, and look at it as a client of it. */
+/* Shared by programs that serve a world, play in it, and look at it as one of its clients. */
 #ifndef PLAYED_H
 #define PLAYED_H
 
@@ -16,7 +16,7 @@ static inline void step(void)
     nanosleep(&pause, NULL);
 }
 
-/* Where the client sees the i-th body; far below everything where it sees none. */
+/* Where the client sees the i-th body; far below everything if the client does not see it. */
 static inline DcdPose seen(uint32_t i)
 {
     DcdPose pose = { { 0.0, -1e6, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };

@@ -1,4 +1,5 @@
-//! Tests that the C examples say what they should and that misuse gets its codes: bare, under the sanitizers, and under valgrind.
+//! Tests that the C examples print what they should and that misuse gets its codes: plain, under the
+//! sanitizers, and under valgrind.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,7 +14,8 @@ pub(crate) fn checker(name: &str) -> PathBuf {
     root().join("tests/tests/c_api").join(name)
 }
 
-/// A program that stops at the first finding of AddressSanitizer, LeakSanitizer or UndefinedBehaviorSanitizer.
+/// Flags for a program that stops at the first finding of AddressSanitizer, LeakSanitizer or
+/// UndefinedBehaviorSanitizer.
 pub(crate) const SANITIZED: [&str; 3] = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"];
 
 fn run_example(name: &str, flags: &[&str]) -> String {
@@ -30,7 +32,7 @@ fn hello_stacks_its_boxes_where_two_regions_meet() {
         let y: f64 =
             line.split(" = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
         assert!((y - (f64::from(i) + 0.5)).abs() < 0.02, "{said}");
-        // Boxes of both regions that touch are computed by one of them.
+        // One region computes all boxes of an island, including those from the other region.
         assert!(line.contains(" m, 1000 kg, region 1") && line.ends_with("asleep"), "{said}");
     }
     assert!(said.contains("ticks        240\n"), "{said}");
@@ -44,14 +46,14 @@ fn game_loop_sees_contacts_and_transfers_and_draws_between_steps() {
         last.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
     let [frames, steps, began, ended, transfers] = numbers[..] else { panic!("{said}") };
     assert_eq!(frames, 300);
-    // 300 frames of 1/75 s and six of three times that, in steps of 1/60 s.
+    // 300 frames of 1/75 s, six of them three times as long, in steps of 1/60 s.
     assert_eq!(steps, 249, "{said}");
     assert!(began >= 16 && ended < began, "16 balls fall on the ground and some bounce: {said}");
     assert!(transfers > 0, "balls roll across the borders: {said}");
     assert!(said.contains("ball 0 is 0.25 m above something"), "{said}");
 }
 
-/// The first program of the README, and what it changes to join a server.
+/// Returns the first program of the README, and its changes to join a server.
 pub(crate) fn program_of_the_readme() -> [String; 2] {
     let page = std::fs::read_to_string(root().join("README.md")).unwrap();
     let mut blocks = page.split("```c\n").skip(1).map(|block| block.split("```").next().unwrap().to_owned());
@@ -85,7 +87,7 @@ fn the_programs_of_the_page_for_engines_draw_between_steps_and_float_a_raft() {
     }
 }
 
-/// The numbers of a line, in their order.
+/// Returns the numbers of a line, in order.
 pub(crate) fn numbers(line: &str) -> Vec<f64> {
     line.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter_map(|n| n.parse().ok()).collect()
 }
@@ -138,7 +140,7 @@ fn engine_draws_frames_in_the_colours_of_four_regions() {
     }
 }
 
-/// Runs a program that counts its own checks, and may write files in its folder.
+/// Runs a program that counts its own checks and may write files in its folder.
 fn run_checker(name: &str, dir: &Path, file: &Path) {
     let said = run_well(Command::new(build(&checker(name), dir, &[])).arg(file).current_dir(dir));
     assert!(said.contains(" checks, 0 failures"), "{said}");
@@ -179,7 +181,7 @@ fn a_renderer_draws_a_world_by_its_own_functions() {
     assert_eq!(names, ["b1", "b2", "b3", "b0", "world"], "what moves, and what is fixed");
 }
 
-/// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
+/// Builds `wrapper.cpp` without exceptions, and `throwing.cpp` into the same program.
 fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
     let thrower = out.join("throwing.o");
     let mut cxx = compiler("CXX", "c++");
@@ -221,7 +223,8 @@ fn random_calls_find_no_bug() {
     }
 }
 
-/// A program under valgrind, which fails for errors and lost memory; `None` where valgrind is not installed.
+/// Returns a program to run under valgrind, which fails on errors and lost memory; `None` where valgrind is
+/// not installed.
 pub(crate) fn under_valgrind(program: &Path) -> Option<Command> {
     if !is_installed("valgrind") {
         eprintln!("valgrind is not installed: nothing checked");

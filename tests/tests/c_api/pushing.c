@@ -1,4 +1,4 @@
-/* Explosions, water, wind and triggers: what they do across borders, and what they refuse. */
+/* Explosions, water, wind and triggers: their effects across borders, and their errors. */
 #include "checks.h"
 
 #include <math.h>
@@ -27,7 +27,8 @@ static void motion_of(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity
     OK(dcd_body_get(world, body, pose, velocity));
 }
 
-/* A metre of each face is pushed: on both sides of the border, the light one by twice as much. */
+/* A blast pushes a face of 1 m² of each box, on both sides of the border. The box of half the mass becomes
+ * twice as fast. */
 static void explosions(DcdWorld world)
 {
     DcdExplosion blast = DCD_EXPLOSION_INIT;
@@ -70,7 +71,7 @@ static void explosions(DcdWorld world)
     HOLDS(pushed == 7);
 }
 
-/* What weighs half as much as water floats half in it, and drifts with the stream. */
+/* A body of half the density of water floats half submerged, and drifts with the current. */
 static void fluids(DcdWorld world)
 {
     DcdFluid lake = DCD_FLUID_INIT;
@@ -124,7 +125,7 @@ static void fluids(DcdWorld world)
     HOLDS(pushed == 7);
 }
 
-/* The zone lies over the border; one of the two inside is in each region. */
+/* The zone lies across the border. Each region owns one of the two bodies inside. */
 static void triggers(DcdWorld world)
 {
     const float half[3] = { 2.0f, 2.0f, 2.0f };

@@ -1,4 +1,5 @@
-/* What Rust's code calls of LLVM's ThreadSanitizer and GCC's lacks: its own functions by these names look for races too. */
+/* Functions of LLVM's ThreadSanitizer that Rust's code calls and GCC's lacks. The C library's own functions
+ * are intercepted, and so also checked for races. */
 #include <string.h>
 
 void *__tsan_memcpy(void *to, const void *from, size_t size)

@@ -1,5 +1,5 @@
-/* Plays random calls on handles dead and alive, with numbers good and bad: none may crash, and none may find a bug of ours.
- * The first argument is the seed, the second the number of calls. */
+/* Makes random calls on valid and stale handles, with valid and invalid numbers: none may crash or find a bug
+ * of ours. The first argument is the seed, the second the number of calls. */
 #include "dcd.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@ enum { WORLDS = 4, KEPT = 32, MANY = 3 };
 
 static uint64_t state;
 
-/* xorshift64*, so that a seed means the same everywhere. */
+/* xorshift64*, so that a seed gives the same numbers everywhere. */
 static uint32_t dice(uint32_t sides)
 {
     state ^= state >> 12;
@@ -105,7 +105,7 @@ static DcdBodyDef some_body(void)
     return def;
 }
 
-/* Any query; what it finds must be numbers. */
+/* Makes any query. Its results must be numbers. */
 static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
 {
     DcdFilter filter = DCD_FILTER_INIT;
@@ -203,7 +203,7 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
     return isnan(sum) ? DCD_ERR_PANIC : status;
 }
 
-/* What is drawn has places; the context becomes NaN where one has none. */
+/* What is drawn must have finite positions: the context becomes NaN if one is NaN. */
 static void add_line(void *context, const double *from, const double *to, uint32_t colour)
 {
     (void)colour;
@@ -547,7 +547,8 @@ int main(int count, char **texts)
         if (status == DCD_ERR_PANIC || status > DCD_OK || status < DCD_ERR_LIMIT) {
             char message[1024] = "";
             dcd_last_error(message, sizeof message);
-            /* A fault of Rapier's in debug builds, named in dcd/RAPIER.md: the worlds cannot go on, but nothing of dcd's is amiss. */
+            /* A fault of Rapier's debug builds, described in dcd/RAPIER.md: the worlds cannot go on, but dcd
+             * has no bug. */
             if (strstr(message, "force-event pair list diverged")) {
                 printf("call %lu: ended by Rapier's %s\n", call, message);
                 return EXIT_SUCCESS;

@@ -82,7 +82,7 @@ static void bad_definitions(const char *folder)
     HOLDS(world.v == 0);
 }
 
-/* What a process that shows nothing of its world says to those who would look. */
+/* The errors of a process that shows nothing of its world. */
 static void cannot(DcdWorld world, const char *role)
 {
     DcdShapeId shape = { 0 };
@@ -106,7 +106,7 @@ static void cannot(DcdWorld world, const char *role)
     HOLDS(id.v == 0 && hash == 0);
 }
 
-/* Joins as a node and as a client. */
+/* Joins a node and a client. */
 static void join(DcdWorld server, DcdWorld *node, DcdWorld *client)
 {
     char address[64] = "", token[512] = "";
@@ -124,7 +124,7 @@ static void join(DcdWorld server, DcdWorld *node, DcdWorld *client)
     OK(dcd_node_join(&computes, node));
 }
 
-/* A world that was built here, served as it is: a box at rest, and a ball at the end of a joint that swings below it. */
+/* A world built here is served as it is: a box at rest, and a ball on a joint that swings below it. */
 static void own_world(const char *folder)
 {
     DcdWorld local = { 0 }, server = { 0 }, node = { 0 }, client = { 0 };
@@ -165,7 +165,7 @@ static void own_world(const char *folder)
     OK(dcd_server_create(&def, &server));
     def.source = server;
     FAILS(dcd_server_create(&def, &node), DCD_ERR_UNSUPPORTED, "server");
-    /* It was copied. */
+    /* The server has a copy of the world. */
     OK(dcd_world_destroy(local));
     def.source = local;
     FAILS(dcd_server_create(&def, &node), DCD_ERR_STALE_ID, "world");
@@ -179,7 +179,7 @@ static void own_world(const char *folder)
     OK(dcd_state_view(client, &view));
     HOLDS(view.count == 1);
     if (view.count == 1) {
-        /* It swings: lower than it was made, and as far from the box. */
+        /* The ball swings: it is lower than where it was made, and as far from the box. */
         double x = view.poses[0].p[0], y = view.poses[0].p[1] - 10.0;
         HOLDS(view.user_data[0] == 2);
         HOLDS(y < -1.0 && x * x + y * y > 8.9 && x * x + y * y < 9.1);
@@ -189,7 +189,7 @@ static void own_world(const char *folder)
     OK(dcd_world_destroy(client));
 }
 
-/* Nothing moves, and time goes on all the same, for the server too. */
+/* If nothing moves, time goes on all the same, for the server too. */
 static void world_at_rest(const char *folder)
 {
     DcdWorld local = { 0 }, server = { 0 }, node = { 0 }, client = { 0 };
@@ -250,7 +250,7 @@ int main(int argc, char **argv)
     FAILS(dcd_metrics_address(server, small, sizeof small, &needed), DCD_ERR_SMALL_BUFFER, "room");
     OK(dcd_metrics_address(server, metrics, sizeof metrics, &needed));
     HOLDS(strncmp(metrics, "127.0.0.1:", 10) == 0 && strcmp(metrics, "127.0.0.1:0") != 0 && strlen(metrics) + 1 == needed);
-    /* Of two, the second finds it taken. */
+    /* A second server cannot take the address. */
     def.metrics = metrics;
     snprintf(folder, sizeof folder, "%s-taken", argv[1]);
     def.data_path = folder;
@@ -323,7 +323,7 @@ int main(int argc, char **argv)
         FAILS(dcd_token_create(nodes[i], DCD_ROLE_CLIENT, 60, token, sizeof token, &needed), DCD_ERR_UNSUPPORTED, "node");
     }
     HOLDS(owned == 40);
-    /* A server's program sees its record, and can change the world; it computes nothing. */
+    /* A server's program sees the server's record and can change the world, but computes nothing. */
     OK(dcd_state_view(server, &view));
     HOLDS(view.count == 40);
     uint64_t hash = 0;
@@ -335,7 +335,7 @@ int main(int argc, char **argv)
     FAILS(dcd_address(local, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "local");
     FAILS(dcd_address(client, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "client");
 
-    /* One node goes in order: the other computes both regions. */
+    /* One node leaves in order: the other computes both regions. */
     uint64_t before = info.tick;
     OK(dcd_world_destroy(nodes[0]));
     FAILS(dcd_step(nodes[0]), DCD_ERR_STALE_ID, "world");

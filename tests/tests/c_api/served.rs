@@ -1,4 +1,4 @@
-//! Tests C programs in a world that a server of this process holds and nodes of this process compute.
+//! Tests C programs in a world that a server and nodes of this process serve and compute.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
@@ -24,7 +24,7 @@ pub(crate) struct Cluster {
 }
 
 impl Cluster {
-    /// A pile of boxes in two regions.
+    /// Starts a pile of boxes in two regions.
     fn start(nodes: usize) -> Self {
         let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
         let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
@@ -52,7 +52,7 @@ impl Cluster {
         self.server.token(role, LIMIT).unwrap()
     }
 
-    /// A C program that counts its own checks, with where the server is as its second argument.
+    /// Returns a C program that counts its own checks. Its second argument is the server's address.
     fn program(&self, mode: &str) -> Command {
         self.program_with(mode, &[])
     }
@@ -64,7 +64,7 @@ impl Cluster {
         program
     }
 
-    /// The world must have come through it whole.
+    /// Stops all processes, and checks that no body was lost or doubled.
     pub(crate) fn stop(self) {
         let summary = self.server.stop().unwrap();
         assert_eq!((summary.lost, summary.doubled), (0, 0));
@@ -111,7 +111,7 @@ fn a_game_loop_written_for_a_local_world_joins_a_served_one() {
 fn the_program_of_the_readme_joins_a_served_world_by_another_call() {
     let cluster = Cluster::start(1);
     let [local, joins] = program_of_the_readme();
-    // The scene has a ground.
+    // The served scene already has a ground.
     let (before, rest) = local.split_once("    DcdWorldDef def").expect("it makes a world");
     let (_, rest) = rest.split_once("_INIT;\n").expect("the definition has a line");
     let (declared, rest) = rest.split_once("    def.regions").expect("it sets the definition");
@@ -216,13 +216,13 @@ fn a_lost_server_is_said_by_every_step() {
     assert_eq!(line, "ready\n");
     cluster.stop();
     let mut rest = String::new();
-    // Ends by itself: the program counts its steps.
+    // The program ends by itself, since it limits its steps.
     said.read_to_string(&mut rest).unwrap();
     assert!(child.wait().unwrap().success(), "{rest}");
     check(&rest);
 }
 
-/// A process that a crash ends.
+/// A process that is killed when dropped, as by a crash.
 struct Victim(Child);
 
 impl Drop for Victim {
@@ -232,7 +232,8 @@ impl Drop for Victim {
     }
 }
 
-/// A server, and where it listens; one that is back must say so.
+/// Starts a server, and returns it with its address. A restarted server must say that it goes on with its
+/// world.
 fn serve(folder: &Path, listen: &str) -> (Victim, String) {
     let is_back = folder.join("world.redb").exists();
     let mut serve = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
@@ -244,7 +245,7 @@ fn serve(folder: &Path, listen: &str) -> (Victim, String) {
         let next = lines.next().unwrap();
         assert!(next.starts_with("going on with the world at tick "), "{next}");
     }
-    // It goes on to write, and must have a reader.
+    // Reads the server's further output, so that the server never blocks on a full pipe.
     std::thread::spawn(move || lines.for_each(drop));
     (Victim(server), address)
 }
@@ -263,7 +264,7 @@ fn a_client_plays_on_while_the_server_is_killed_and_started_again() {
         Member::start(MemberConfig::new(address, identity)).unwrap()
     });
     let mut program = Command::new(build(&root().join("tests/tests/c_api/client.c"), folder.path(), &[]));
-    // A server that stands by answers nothing, and is dialled all the same.
+    // A standby server does not answer, but a client dials it all the same.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let places = format!("{},{address}", silent.local_addr().unwrap());
     program.args(["survive", &places, &token("client")]).stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -289,7 +290,7 @@ fn a_client_plays_on_while_the_server_is_killed_and_started_again() {
 #[test]
 fn what_is_wrong_on_entering_is_said_to_c() {
     let cluster = Cluster::start(1);
-    // Bound and silent: nobody else can answer there.
+    // A bound but silent port, so that nobody else can answer there.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut program = cluster.program("fail");
     program.args([cluster.token(JoinRole::Client), cluster.token(JoinRole::Node)]);
@@ -297,7 +298,7 @@ fn what_is_wrong_on_entering_is_said_to_c() {
     cluster.stop();
 }
 
-/// Runs a C program that holds a world itself, in a folder of its own; as it is and under sanitizers.
+/// Runs a C program that serves its own world, in a folder of its own: plain and under the sanitizers.
 fn run_alone(source: &str) {
     for flags in [&[][..], &SANITIZED] {
         let folder = tempfile::tempdir().unwrap();
@@ -321,7 +322,7 @@ fn a_program_builds_a_game_in_the_world_that_it_serves() {
     run_alone("building.c");
 }
 
-/// A node as a process of its own.
+/// Starts a node as a process of its own.
 fn node(address: &str, token: &str) -> Victim {
     let mut node = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
     node.args(["node", "--threads", "1", "--server", address, "--token", token]);

@@ -1,4 +1,4 @@
-/* How a world is stepped changes while it runs: gravity, length of a step, solver, units. */
+/* Settings of a running world change: gravity, length of a step, solver, units. */
 #include "checks.h"
 
 #include <math.h>
@@ -35,7 +35,7 @@ static float speed_of(DcdWorld world, DcdBodyId body, int axis)
     return velocity.linear[axis];
 }
 
-/* Gravity turns for what falls and for what sleeps, in both regions; the world that is saved has it. */
+/* Gravity is turned, for falling and for sleeping bodies, in both regions. A saved world keeps it. */
 static void gravity(DcdWorld world)
 {
     const float slab[3] = { 20.0f, 0.5f, 20.0f }, up[3] = { 0.0f, 3.0f, 0.0f };
@@ -68,7 +68,7 @@ static void gravity(DcdWorld world)
     HOLDS(settings_of(world).gravity[1] == 3.0f);
 }
 
-/* Steps become half as long, and no body faster than so. */
+/* Steps become 5 ms long, and then the speed limit 2 m/s. */
 static void steps(DcdWorld world)
 {
     DcdSettings settings = settings_of(world);
@@ -99,7 +99,8 @@ static void steps(DcdWorld world)
     OK(dcd_body_destroy(world, ball));
 }
 
-/* Numbers are centimetres: what drifts by 2 cm/s falls asleep, as by 0.02 m/s, and the speed limit stays the number that it is. */
+/* The unit is a centimetre: a body that drifts by 2 cm/s falls asleep, as one at 0.02 m/s in metres. The
+ * speed limit keeps its number. */
 static void centimetres(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -130,12 +131,12 @@ static void centimetres(void)
     OK(dcd_world_destroy(world));
 }
 
-/* What a step took, and what was computed in it. */
+/* The times of a step's phases, and the counts of what was computed. */
 static void costs(DcdWorld world)
 {
     DcdProfile profile = DCD_PROFILE_INIT;
     DcdStats stats = DCD_STATS_INIT;
-    DcdBodyId one = ball_at(world, 0.0, 20.0), other = ball_at(world, 0.0, 20.9); /* they touch, at the border */
+    DcdBodyId one = ball_at(world, 0.0, 20.0), other = ball_at(world, 0.0, 20.9); /* they touch each other at the border */
     OK(dcd_step(world));
     OK(dcd_profile(world, &profile));
     OK(dcd_stats(world, &stats));
@@ -162,7 +163,8 @@ static DcdFidelityReport report_of(DcdWorld world)
     return report;
 }
 
-/* Two halls full of boxes: nobody looks into one of them, and it is computed less often, whatever a scene or a definition says it with. */
+/* A town that is looked at from one corner: what is far from there is computed less often. Looked at as a
+ * whole, the town is computed in full. */
 static void fidelity(DcdFidelity asked, float limit)
 {
     const char *params[2] = { "n=600", "cars=2" };
@@ -184,7 +186,7 @@ static void fidelity(DcdFidelity asked, float limit)
         HOLDS(report.share_of_full_time > 0.0 && report.share_of_full_time < 1.0 && report.levels[2] > 0);
         HOLDS(report.low95 <= report.error && report.error <= report.high95 && report.audits > 0);
     }
-    OK(dcd_viewpoints_set(world, NULL, 0)); /* all of it is looked at */
+    OK(dcd_viewpoints_set(world, NULL, 0)); /* all of it is in sight */
     for (int i = 0; i < 8; i++)
         OK(dcd_step(world));
     report = report_of(world);

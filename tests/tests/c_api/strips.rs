@@ -1,4 +1,4 @@
-//! Tests the pictures that a C program draws of what its player sees, at 100 ms each way.
+//! Tests the pictures that a C program draws of what its player sees, at a delay of 100 ms each way.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -12,15 +12,15 @@ use dcd_tests::stage::{PATIENCE, Stage, ms};
 use crate::programs::{SANITIZED, numbers};
 use crate::toolchain::{build, root, run, run_well};
 
-/// Pictures of a strip, and pixels of a picture's side.
+/// The number of pictures of a strip, and the side of a picture, pixels.
 const PICTURES: usize = 10;
 const SIDE: usize = 120;
-/// Rows from the top to the ground.
+/// The number of rows from the top to the ground.
 const GROUND: usize = 104;
-/// The colour of the avatar in the palette.
+/// The avatar's colour in the palette.
 const AVATAR: u8 = 3;
 
-/// The pixels of a strip, as numbers of its palette.
+/// Returns the pixels of a strip, as numbers of its palette.
 fn strip(file: &Path) -> Vec<u8> {
     let file = std::fs::File::open(file).unwrap();
     let mut picture = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG file");
@@ -32,7 +32,7 @@ fn strip(file: &Path) -> Vec<u8> {
     bytes.iter().flat_map(|byte| [byte >> 6, byte >> 4 & 3, byte >> 2 & 3, byte & 3]).collect()
 }
 
-/// The columns of a picture that have the colour of the avatar in some of these rows.
+/// Returns the columns of a picture that have the avatar's colour in one of these rows.
 fn avatar(strip: &[u8], picture: usize, rows: Range<usize>) -> BTreeSet<usize> {
     let is_there =
         |column: &usize| rows.clone().any(|row| strip[(row * PICTURES + picture) * SIDE + column] == AVATAR);
@@ -68,7 +68,7 @@ fn strips_show_an_avatar_that_answers_at_once_and_told_states_that_do_not() {
     }
     let way = left(&shown, PICTURES - 1) - left(&shown, 0);
     assert!((60..90).contains(&way), "it goes 72 pixels: {way}");
-    // The lines below the ground: one per frame, or per batch of states.
+    // The lines below the ground: one per frame, or one per batch of states.
     let lines = [&told, &shown].map(|strip| avatar(strip, PICTURES - 1, GROUND + 8..GROUND + 9).len());
     assert!(lines[0] > 1 && 3 * lines[0] < lines[1], "{lines:?}");
 }

@@ -1,4 +1,4 @@
-//! Tests, bare, under the sanitizers and under valgrind, the C programs that each check one part of the surface.
+//! Tests the C programs that each check one part of the API: plain, under the sanitizers and under valgrind.
 
 use std::process::Command;
 
@@ -51,11 +51,11 @@ fn bodies_and_shapes_are_read_back_as_they_were_made() {
 #[test]
 fn valgrind_finds_nothing_in_them() {
     let dir = tempfile::tempdir().unwrap();
-    // Not `jobs` and `settings`, which take minutes there.
+    // `jobs` and `settings` would take minutes under valgrind.
     for name in ["touching", "breaking", "asked", "pushing", "looking", "drawing"] {
         let program = build(&checker(&format!("{name}.c")), dir.path(), &[]);
         let Some(mut valgrind) = under_valgrind(&program) else { return };
-        // Only the one that draws takes a file to draw to.
+        // Only `drawing` takes a file to draw to.
         let said = run_well(valgrind.arg(dir.path().join("drawn.glb")));
         assert!(said.contains(" checks, 0 failures"), "{name}: {said}");
     }

@@ -1,21 +1,22 @@
-/* Calls every function that takes a world on a world of each role: `table FOLDER` writes a line for each, with what came of it
- * locally, to a client, a participant, a server and a node. table.rs compares it with the page. */
+/* Calls every function that takes a world on a world of each role: `table FOLDER` writes a line for each
+ * function, with the results for a local world, a client, a participant, a builder, a server and a node.
+ * table.rs compares the lines with the page. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
 #include <time.h>
 
-/* One role's world, and what its functions are called with. */
+/* One role's world, and the arguments for its functions. */
 typedef struct Scene {
     DcdWorld world;
     DcdShapeId shape;
-    /* A body of its own, and one that is not; the same in a local world. */
+    /* A body of its own, and one of others; the same body where there are no others. */
     DcdBodyId own, other;
-    DcdBodyId body; /* the one that is tried now */
+    DcdBodyId body; /* the body of the present call */
     DcdJointId joint;
 } Scene;
 
-/* There is nothing of which it could be asked. */
+/* There is no object for which the function could be called. */
 #define NOTHING 1
 
 static const float ONE[3] = { 1.0f, 1.0f, 1.0f };
@@ -42,7 +43,7 @@ static DcdStatus joint(Scene *s, DcdJointId *out)
     return dcd_joint_create(s->world, &def, out);
 }
 
-/* A function by its name; `s` is the scene, and what it returns the status. */
+/* Defines the call of a function by its name; `s` is the scene. It returns the status. */
 #define CALL(name) static DcdStatus try_##name(Scene *s)
 
 CALL(dcd_world_info) { DcdWorldInfo info = DCD_WORLD_INFO_INIT; return dcd_world_info(s->world, &info); }
@@ -145,7 +146,7 @@ CALL(dcd_body_set_target) {
     DcdBodyId id = s->body;
     def.shape = s->shape;
     def.body_type = DCD_KINEMATIC_POSE;
-    /* Elsewhere there are no such bodies. */
+    /* Other roles have no such bodies, and use their own. */
     (void)dcd_body_create(s->world, &def, &id);
     return dcd_body_set_target(s->world, id, &PLACE);
 }
@@ -232,7 +233,7 @@ CALL(dcd_state_read) {
 CALL(dcd_state_write) { return dcd_state_write(s->world, &s->body, 1, DCD_FIELD_POSE, &PLACE, 0, NULL); }
 CALL(dcd_events) { DcdEventView view = DCD_EVENT_VIEW_INIT; return dcd_events(s->world, &view); }
 
-/* The oldest connection: of those who joined, that with the server. */
+/* The oldest connection. In a process that joined, it is the connection to the server. */
 static DcdStatus connection(Scene *s, DcdConnectionId *out)
 {
     DcdConnectionId ids[16];
@@ -258,7 +259,7 @@ CALL(dcd_send) {
 CALL(dcd_disconnect) {
     DcdConnectionId ids[16] = { { 1 } };
     DcdStatus status = dcd_connections(s->world, ids, 16, &count);
-    /* The last that came is there for this. */
+    /* The newest connection belongs to a client that joined for this. */
     return status == DCD_OK ? dcd_disconnect(s->world, ids[count > 0 ? count - 1 : 0], NULL) : status;
 }
 CALL(dcd_poll) {
@@ -391,7 +392,7 @@ CALL(dcd_gravity_set) { return dcd_gravity_set(s->world, ONE); }
 CALL(dcd_body_contacts) { return dcd_body_contacts(s->world, s->body, NULL, 0, &count); }
 CALL(dcd_explode) { DcdExplosion blast = DCD_EXPLOSION_INIT; return dcd_explode(s->world, &blast, NULL); }
 CALL(dcd_flow) { DcdFluid fluid = DCD_FLUID_INIT; return dcd_flow(s->world, &fluid, NULL); }
-/* A body that is no sensor is refused after the role was asked. */
+/* A body that is no sensor is refused only after the role has been checked. */
 CALL(dcd_sensor_bodies) {
     DcdStatus status = dcd_sensor_bodies(s->world, s->body, 0, NULL, 0, &count);
     return status == DCD_ERR_ARGUMENT ? DCD_OK : status;
@@ -441,7 +442,7 @@ CALL(dcd_snapshot_load) {
 }
 static DcdCheckpointId checkpoint;
 CALL(dcd_checkpoint_create) { return dcd_checkpoint_create(s->world, &checkpoint); }
-/* Without a checkpoint there is nothing to keep or to go back to. */
+/* Without a checkpoint there is nothing to save or to restore. */
 #define ON_CHECKPOINT(name) \
     CALL(name) { \
         DcdStatus status = dcd_checkpoint_create(s->world, &checkpoint); \
@@ -501,7 +502,7 @@ static const struct {
     DcdStatus (*call)(Scene *);
 } CALLS[] = { ALL(ENTRY) };
 
-/* As the page says it. */
+/* The result, in the words of the page. */
 static const char *verdict(Scene *s, DcdStatus (*call)(Scene *))
 {
     s->body = s->own;
@@ -515,7 +516,7 @@ static const char *verdict(Scene *s, DcdStatus (*call)(Scene *))
     return own == DCD_ERR_UNSUPPORTED ? "-" : dcd_status_string(own);
 }
 
-/* Joins the server as this. */
+/* Joins the server in this role. */
 static DcdWorld joined(DcdWorld server, DcdRole role)
 {
     char address[64] = "", token[512] = "";
@@ -534,7 +535,7 @@ static DcdWorld joined(DcdWorld server, DcdRole role)
     return world;
 }
 
-/* Steps until a body of others is heard of, and an avatar of one's own is there. */
+/* Steps until a body of others is known, and an own avatar is in the world. */
 static void settle(Scene *s)
 {
     struct timespec pause = { 0, 5 * 1000 * 1000 };

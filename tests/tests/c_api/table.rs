@@ -8,7 +8,7 @@ use crate::toolchain::{build, root, run_well};
 
 const ROLES: [&str; 6] = ["local", "client", "participant", "builder", "server", "node"];
 
-/// Every function of the header that takes a world.
+/// Returns every function of the header that takes a world.
 fn functions() -> Vec<String> {
     let header = std::fs::read_to_string(root().join("include/dcd.h")).unwrap();
     let before = header.split("(DcdWorld world").map(|text| text.rsplit(' ').next().unwrap().to_owned());
@@ -19,7 +19,8 @@ fn functions() -> Vec<String> {
     functions
 }
 
-/// The rows of the table: names of functions, in which `*` stands for anything, and what it says of each role.
+/// Returns the rows of the table: names of functions, in which `*` stands for any text, and the entry of each
+/// role.
 fn rows() -> Vec<(Vec<String>, Vec<String>)> {
     let page = std::fs::read_to_string(root().join("examples-c/README.md")).unwrap();
     let section = page.split("\n## ").find(|part| part.starts_with("Who can do what")).unwrap();

@@ -1,4 +1,4 @@
-/* dcd.hpp, whose calls throw when they fail. */
+/* The variant of dcd.hpp whose calls throw when they fail. */
 #define DCD_EXCEPTIONS
 #include "dcd.hpp"
 
@@ -11,7 +11,7 @@ int throwing_failures()
 {
     int failures = 0;
     dcd::World world = *dcd::World::create();
-    world.step(); /* may be dropped */
+    world.step(); /* the result may be ignored */
     dcd::BodyDef def;
     def.shape = *world.shape_sphere(0.5f);
     const dcd::BodyId ball = *world.body_create(def);

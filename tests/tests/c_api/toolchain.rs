@@ -6,41 +6,43 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// What Rust's standard library needs of a Linux system; `library.rs` checks that the list is right.
+/// The native libraries that Rust's standard library needs on Linux. `library.rs` checks that the list is
+/// right.
 pub(crate) const NATIVE_LIBS: [&str; 7] = ["-lgcc_s", "-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"];
 
-/// Longer than any program of ours takes on a busy machine, valgrind included.
+/// A limit longer than any of our programs takes on a busy machine, valgrind included.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// The root of the repository.
+/// Returns the root of the repository.
 pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace").to_owned()
 }
 
-/// Where cargo put this test, as `target/debug`: there the library belongs too.
+/// Returns the folder of this test's profile, such as `target/debug`, which also has the library.
 fn profile_dir() -> PathBuf {
     let test = std::env::current_exe().expect("a test has a path");
     test.parent().and_then(Path::parent).expect("tests lie in <profile>/deps").to_owned()
 }
 
-/// What cargo calls the profile of this test.
+/// Returns cargo's name of this test's profile.
 pub(crate) fn profile() -> String {
     let name =
         profile_dir().file_name().and_then(OsStr::to_str).expect("profiles have plain names").to_owned();
     if name == "debug" { "dev".to_owned() } else { name }
 }
 
-/// Returns the folder that has the C library: cargo builds it with this test, which depends on it.
+/// Returns the folder that has the C library, which cargo builds as a dependency of this test.
 pub(crate) fn library_dir() -> PathBuf {
     profile_dir().join("deps")
 }
 
-/// Where cargo builds.
+/// Returns the folder in which cargo builds.
 pub(crate) fn target_dir() -> PathBuf {
     profile_dir().parent().expect("profiles lie in the target directory").to_owned()
 }
 
-/// Hides from a command what cargo tells this test about its package: it would make a cargo within build packages anew.
+/// Removes from a command's environment what cargo tells this test about its package. An inner cargo would
+/// otherwise build packages again.
 pub(crate) fn forget_cargo(command: &mut Command) -> &mut Command {
     for (name, _) in std::env::vars_os() {
         if name
@@ -53,14 +55,14 @@ pub(crate) fn forget_cargo(command: &mut Command) -> &mut Command {
     command
 }
 
-/// A compiler of the system: `CC` or `cc`, `CXX` or `c++`.
+/// Returns a compiler of the system: `CC` or `cc`, `CXX` or `c++`.
 pub(crate) fn compiler(variable: &str, default: &str) -> Command {
     let mut compiler = Command::new(std::env::var_os(variable).unwrap_or_else(|| default.into()));
     compiler.arg("-I").arg(root().join("include"));
     compiler
 }
 
-/// What every C and C++ program of ours compiles with.
+/// The warning flags of all our C and C++ programs.
 pub(crate) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-pedantic", "-Werror"];
 
 /// Compiles a C or C++ program and links it to the static library. Returns the program.
@@ -68,7 +70,7 @@ pub(crate) fn build(source: &Path, out: &Path, flags: &[&str]) -> PathBuf {
     build_with(source, out, flags, &library_dir().join("libdcd_ffi.a"))
 }
 
-/// The same with a library that was built otherwise.
+/// The same with another build of the library.
 pub(crate) fn build_with(source: &Path, out: &Path, flags: &[&str], library: &Path) -> PathBuf {
     let program = out.join(source.file_stem().expect("a source has a name"));
     let mut compiler = if source.extension() == Some(OsStr::new("cpp")) {
@@ -86,14 +88,14 @@ pub(crate) fn build_with(source: &Path, out: &Path, flags: &[&str], library: &Pa
     program
 }
 
-/// What a program said.
+/// The exit status and the output of a program.
 pub(crate) struct Outcome {
     pub status: ExitStatus,
     pub stdout: String,
     pub stderr: String,
 }
 
-/// Runs a program to its end, or fails the test when it does not come.
+/// Runs a program to its end. Fails the test if it does not end in time.
 pub(crate) fn run(command: &mut Command) -> Outcome {
     let mut child =
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
@@ -121,7 +123,7 @@ pub(crate) fn run(command: &mut Command) -> Outcome {
     Outcome { status, stdout: text(stdout), stderr: text(stderr) }
 }
 
-/// Runs a program that must succeed, and returns what it said.
+/// Runs a program that must succeed, and returns its output.
 pub(crate) fn run_well(command: &mut Command) -> String {
     let outcome = run(command);
     let Outcome { status, stdout, stderr } = &outcome;
@@ -129,7 +131,7 @@ pub(crate) fn run_well(command: &mut Command) -> String {
     outcome.stdout
 }
 
-/// Whether a tool is installed.
+/// Returns whether a tool is installed.
 pub(crate) fn is_installed(tool: &str) -> bool {
     let probe = Command::new(tool).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     probe.is_ok_and(|status| status.success())

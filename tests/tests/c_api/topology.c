@@ -1,4 +1,5 @@
-/* Who computes what in a served world, and bodies that change hands: `topology FOLDER`, run by served.rs. */
+/* Which node computes which region of a served world, and bodies that change owner: `topology FOLDER`, run by
+ * served.rs. */
 #define _POSIX_C_SOURCE 200809L
 #include "checks.h"
 
@@ -13,7 +14,7 @@ static DcdStatus step(DcdWorld world)
     return dcd_step(world);
 }
 
-/* Balls that fly over the border one after the other, and a fixed box on either side. */
+/* Balls that fly over the border one after the other, and one fixed box. */
 static DcdWorld scene(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -44,7 +45,7 @@ static DcdWorld scene(void)
     return world;
 }
 
-/* The node of a region, as it is listed. */
+/* The node of a region, as dcd_regions lists it. */
 static uint32_t node_of(DcdWorld world, uint32_t region)
 {
     DcdRegionInfo regions[2];
@@ -56,7 +57,8 @@ static uint32_t node_of(DcdWorld world, uint32_t region)
     return DCD_NO_NODE;
 }
 
-/* Every ball changes hands once, from the left to the right, and belongs to whom it went to. */
+/* Every ball changes its owner once, from the left region to the right one, and is then owned by the latter.
+ * */
 static void changes_hands(DcdWorld world, bool is_participant)
 {
     DcdRegionInfo regions[2];
@@ -85,7 +87,7 @@ static void changes_hands(DcdWorld world, bool is_participant)
         }
     }
     HOLDS(changed >= 3);
-    /* Those behind are the left region's, and known to be. */
+    /* The balls behind are owned by the left region, and known to be. */
     DcdBodyId last, fixed;
     DcdOwner owner = DCD_OWNER_INIT;
     OK(dcd_body_at(world, 0, &fixed));
@@ -121,7 +123,7 @@ int main(int argc, char **argv)
     both.threads = 1;
     OK(dcd_token_create(server, DCD_ROLE_CLIENT, 60, token, sizeof token, &needed));
     OK(dcd_client_connect(&sees, &client));
-    /* Nobody computes. */
+    /* No node computes yet. */
     HOLDS(node_of(client, 1) == DCD_NO_NODE && node_of(client, 2) == DCD_NO_NODE);
     OK(dcd_token_create(server, DCD_ROLE_NODE, 60, token, sizeof token, &needed));
     OK(dcd_node_join(&computes, &node));
@@ -133,7 +135,7 @@ int main(int argc, char **argv)
     HOLDS(node_of(client, 1) != node_of(client, 2));
     HOLDS(node_of(client, 1) == node_of(participant, 1) && node_of(client, 2) == node_of(participant, 2));
 
-    /* One goes, and the other computes all. */
+    /* One node leaves, and the other computes all regions. */
     OK(dcd_world_destroy(node));
     for (int tries = 0; node_of(client, 1) != node_of(client, 2) && tries < 6000; tries++)
         OK(step(client));

@@ -1,4 +1,4 @@
-/* Present contacts with their points, normals and impulses, and the materials that contacts and hits carry. */
+/* Current contacts with their points, normals and impulses, and the materials of contacts and hits. */
 #include "checks.h"
 
 #include <math.h>
@@ -55,7 +55,7 @@ int main(void)
     }
     HOLDS(began == 2 && pressed > 60);
 
-    /* Two tonnes on the floor, one on the cube below. */
+    /* Two tonnes press on the floor, one on the cube below. */
     OK(dcd_body_contacts(world, floor, points, 32, &count));
     HOLDS(count >= 3);
     for (size_t i = 0; i < count; i++) {
@@ -78,7 +78,7 @@ int main(void)
     OK(dcd_body_contacts(world, low, points, 32, &count));
     HOLDS(count == with_floor + with_high);
 
-    /* Hits carry materials too. */
+    /* Hits have materials too. */
     DcdRay ray = DCD_RAY_INIT;
     DcdRayHit hit;
     ray.origin[0] = 0.1;
@@ -118,7 +118,8 @@ int main(void)
     OK(dcd_overlap_points(world, &inside, 1, NULL, &found, 1, &end, &count));
     HOLDS(found.material == 44);
 
-    /* What touched by numbers that are no more ends with the materials of those that had them. */
+    /* Contacts of removed colliders, whose numbers are gone, end with the materials that these colliders had.
+     * */
     DcdColliderProperties foot = DCD_COLLIDER_PROPERTIES_INIT;
     const DcdBodyId crab = body_of(world, DCD_DYNAMIC, cube, 8.0, 2.5, RUBBER);
     uint32_t ended = 0, ends = 0;
@@ -143,7 +144,7 @@ int main(void)
         ends++;
         ended |= 1u << contact->collider_b;
     }
-    HOLDS(ends == 2 && ended == (1u << 2 | 1u << 3)); /* number 1 touches on: it is another */
+    HOLDS(ends == 2 && ended == (1u << 2 | 1u << 3)); /* number 1 still touches: another collider has that number now */
 
     /* Misuse. */
     FAILS(dcd_body_contacts(world, low, NULL, 4, &count), DCD_ERR_NULL, "out");

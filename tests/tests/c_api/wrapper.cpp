@@ -1,5 +1,6 @@
-/* dcd.hpp, whose calls return what they say, called once each at least: a ball breaks a tower in a world of two regions; handles clean up after
- * themselves; what fails says why. throwing.cpp, in the same program, has the calls that throw. */
+/* The variant of dcd.hpp whose calls return a result; each is called at least once. A ball breaks a tower in
+ * a world of two regions, handles clean up after themselves, failed calls say why. throwing.cpp, in the same
+ * program, has the calls that throw. */
 #include "dcd.hpp"
 #include "dcd.hpp"
 
@@ -15,7 +16,7 @@
 #include <span>
 #endif
 
-/* What exceptions say, in throwing.cpp: how many checks failed. */
+/* Runs the checks of exceptions in throwing.cpp. Returns the number of failures. */
 int throwing_failures();
 
 static int checks, failures;
@@ -31,7 +32,7 @@ static void holds(bool what, const char *text, int line)
     }
 }
 
-/* Answers of what is kept are looked at; those of a temporary, which would be gone, are copied. */
+/* Answers from a kept object are spans; answers from a temporary, which would dangle, are copied. */
 template <class F> using Told = decltype(std::declval<F>().of(0));
 static_assert(std::is_same_v<Told<const dcd::Found<dcd::Overlap> &>, dcd::Span<const dcd::Overlap>>, "kept");
 static_assert(std::is_same_v<Told<dcd::Found<dcd::Overlap>>, std::vector<dcd::Overlap>>, "temporary");
@@ -98,7 +99,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(met >= 1 && met <= 3);
     HOLDS(world.body_get(tower[4])->pose.p[1] < 4.0);
 
-    /* The same bodies by the view, by a copy into structs of the game's own, and by one. */
+    /* The same bodies from the view, from a copy into the game's own structs, and one by one. */
     const dcd::StateView view = *world.state_view();
     HOLDS(view.tick() == 120 && view.size() == 6 && view.poses().size() == 6 && !view.ids().empty());
     struct Sprite {
@@ -354,7 +355,7 @@ static void failures_say_why()
     def.regions = 1000;
     const dcd::Result<dcd::World> world = dcd::World::create(def);
     HOLDS(!world && world.status().code() == DCD_ERR_ARGUMENT);
-    /* Another call that fails takes nothing from what was said of the first. */
+    /* Another failed call does not change the message of the first. */
     HOLDS(!none.step() && dcd::last_error() == status.message());
     HOLDS(world.status().message().find("dcd_world_create: ") == 0 && world.status().message() != status.message());
     HOLDS(dcd::World::open_scene("no such scene").status().code() == DCD_ERR_ARGUMENT);
@@ -412,7 +413,7 @@ static void what_is_set_counts()
     HOLDS(world.bodies_destroy(rest) && !world.body_is_valid(body));
 }
 
-/* What is found while another thread makes bodies and destroys them is there. */
+/* What a query finds exists, even while another thread creates and destroys bodies. */
 static void what_is_found_is_no_null_entry()
 {
     dcd::World world = make_world();
@@ -442,7 +443,7 @@ static void what_is_found_is_no_null_entry()
     HOLDS(seen >= 4000 && nulls == 0);
 }
 
-/* A handle that goes where nothing can be destroyed is kept. */
+/* A handle that is reset where nothing can be destroyed is kept. */
 static void what_cannot_be_destroyed_yet_is_kept()
 {
     dcd::World world = make_world(), other = make_world();
@@ -462,7 +463,7 @@ static void what_cannot_be_destroyed_yet_is_kept()
     HOLDS(other.handle().v == 0 && ball.id().v == 0 && !world.body_is_valid(id));
 }
 
-/* Bodies and their colliders become others than they were made. */
+/* Bodies and their colliders are changed after they were made. */
 static void bodies_are_changed()
 {
     dcd::World world = make_world();
@@ -535,7 +536,7 @@ static void joints_are_looked_at_and_changed()
     HOLDS(world.joint_destroy(joint) && !world.joint_is_valid(joint));
 }
 
-/* A person walks, a car drives, and both are shown between steps. */
+/* A character walks, a car drives, and both are shown between steps. */
 static void a_person_and_a_car_set_off()
 {
     dcd::World world = make_world();
@@ -578,7 +579,7 @@ static void a_person_and_a_car_set_off()
     HOLDS(world.prediction_set(true) && world.prediction()->bodies == 0);
 }
 
-/* What is written is read again. */
+/* Written files are read again. */
 static void files_are_written(const std::string &folder)
 {
     dcd::World world = make_world();
@@ -620,7 +621,7 @@ static void a_world_is_served(const std::string &folder)
     HOLDS(server.server_suspend() && server.step().code() != DCD_OK);
 }
 
-/* Destroyed after main, when the thread has lost what it keeps. */
+/* Destroyed after main, when the thread's own data are gone. */
 static dcd::World level;
 static dcd::Owned<dcd::BodyId> player;
 

@@ -1,4 +1,4 @@
-//! Tests `dcd backup`: a copy of a running server's data folder goes on as the server would.
+//! Tests `dcd backup`: a copy of a running server's data folder can go on in the server's place.
 
 use std::fs;
 use std::path::Path;
@@ -38,13 +38,13 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
         assert!(refused.code() == Some(1) && errors.contains(said), "{refused:?}");
         assert!(errors.contains("name a folder") && !errors.contains("start again"), "{refused:?}");
     }
-    // Somebody joins whom the backup does not know.
+    // A node joins after the backup.
     let (late, later) = server.node();
     assert_eq!(late, "n3");
     witness.advance(30);
     let before = witness.tick();
 
-    // The machine burns.
+    // The machine is lost.
     drop((witness, spent, other, later));
     server.process.kill();
     fs::remove_dir_all(&data).unwrap();
@@ -69,7 +69,7 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     witness.advance(30);
     witness.leave();
     let summary = server.end_world();
-    // An avatar is taken out when its client is given up.
+    // An avatar is removed when its client is given up.
     assert!((155..=156).contains(&summary["bodies"].as_u64().unwrap()), "{summary}");
 }
 

@@ -25,7 +25,7 @@ fn a_server_and_a_node_take_their_options_from_files_and_the_command_line_wins()
             playground()
         ),
     );
-    // It could not listen there, and nothing may be cut into three and at x=0.
+    // The file's values would fail: the address cannot be listened on, and `regions` excludes `--cut`.
     let mut server = serve(&config, &["--listen", "127.0.0.1:0", "--cut", "x=0"]);
     let address = server.line("listening ");
     let config = file(

@@ -1,4 +1,4 @@
-//! Tests `dcd demo`: it runs a server, nodes and a C program, and nothing outlives them.
+//! Tests `dcd demo`: it runs a server, nodes and a C program, and leaves no process behind.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -14,7 +14,8 @@ use crate::process::{LIMIT, Process, dcd};
 
 #[test]
 fn the_demo_shows_the_whole_chain_with_a_c_program() {
-    // The library that cargo built with this test. The demo itself would have it built with other features of all crates, which takes minutes.
+    // The library that cargo built with this test. The demo itself would have it built with other features of
+    // all crates, which takes minutes.
     let library = std::env::current_exe().unwrap().with_file_name("libdcd_ffi.a");
     let mut demo = dcd(&["demo", "--json", "--seconds", "6", "--kill", "--kill-server", "--c-library"]);
     let ended = Process::start(demo.arg(library)).end_within(4 * LIMIT);
@@ -41,7 +42,7 @@ fn the_demo_shows_the_whole_chain_with_a_c_program() {
     }
 }
 
-/// A stand-in for the C program.
+/// Writes a script that stands in for the C program.
 fn script(folder: &Path, text: &str) -> PathBuf {
     let path = folder.join("program.sh");
     let mut file = std::fs::OpenOptions::new().write(true).create_new(true).mode(0o755).open(&path).unwrap();
@@ -49,7 +50,8 @@ fn script(folder: &Path, text: &str) -> PathBuf {
     path
 }
 
-/// A demo whose program does not end, with the server's address and the program's own id, and its temporary folder.
+/// Starts a demo whose program does not end, with its own temporary folder. Returns it with the program's
+/// process id and the server's address.
 fn endless(folder: &Path) -> (std::process::Child, String, String) {
     let told = folder.join("told");
     let program =
@@ -84,7 +86,7 @@ fn lives(id: &str) -> bool {
     Command::new("kill").args(["-0", id]).stderr(Stdio::null()).status().unwrap().success()
 }
 
-/// Returns the processes that any thread of a process has begun.
+/// Returns the processes that any thread of a process has started.
 fn children(of: u32) -> Vec<String> {
     let tasks = std::fs::read_dir(format!("/proc/{of}/task")).unwrap();
     let of_task = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("children")).unwrap();
@@ -92,7 +94,8 @@ fn children(of: u32) -> Vec<String> {
     ids.iter().flat_map(|ids| ids.split_whitespace()).map(str::to_owned).collect()
 }
 
-/// Returns whether a process runs: one that has ended stays until its parent, or who took it over, has asked how.
+/// Returns whether a process runs. A process that has ended stays as a zombie until its parent, or who took
+/// it over, waits for it.
 fn runs(id: &str) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
     stat.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with(['Z', 'X']))

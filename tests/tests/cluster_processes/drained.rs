@@ -1,12 +1,13 @@
-//! Tests `dcd drain`: an operator takes nodes out of a world that goes on.
+//! Tests `dcd drain`: an operator removes nodes from a running world.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::process::{Ended, LIMIT, Process, Server, alone, dcd, playground};
 
-/// How long the world may stand still while regions are handed over, on a machine that is busy with other tests: the server also writes to
-/// the disk meanwhile. Alone it is three or four ticks; a node that is given up stops it for longer than this.
+/// The longest time that the world may stand still while regions are handed over, on a machine that is busy
+/// with other tests. Meanwhile the server also writes to the disk. On an idle machine it is three or four
+/// ticks; a node that is given up stops the world for longer than this.
 const STANDS: Duration = Duration::from_secs(1);
 
 fn drain(data: &Path, node: &str) -> Ended {
@@ -82,7 +83,8 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
 
     let gone = drain(&data, &name);
     assert!(gone.code() == Some(1) && gone.errors.contains("has left the world already"), "{gone:?}");
-    // As root's is, where the umask is 077; the tests may be root's.
+    // Stands for a request of root under the umask 077, which the server cannot read. The tests may run as
+    // root themselves, so the content is unreadable instead.
     std::fs::write(data.join("request-0"), [0xff]).unwrap();
     let answer = data.join("answer-0");
     let asked = Instant::now();

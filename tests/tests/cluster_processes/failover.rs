@@ -1,4 +1,5 @@
-//! Tests servers that stand by for one another, with their world in a real etcd: kill -9 and stops of the active one, and of members of etcd.
+//! Tests standby servers of a world that is kept in a real etcd: the active server, and members of etcd, are
+//! killed with kill -9 and stopped.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,19 +11,19 @@ use dcd_tests::proxy::free_address;
 use crate::process::{Process, alone, dcd, playground, token};
 use crate::witness::{Witness, joining};
 
-/// A world whose nodes are well stands no longer, on a busy machine.
+/// The longest time that a world with healthy nodes may stand still, on a busy machine.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Until joins work again.
+/// The longest time until joins work again.
 const TAKEOVER: Duration = Duration::from_secs(3);
 
-/// Two servers of one world, of which one serves it, two nodes, a client that watches and one that plays.
+/// Two servers of one world, of which one is active, two nodes, a client that watches and one that plays.
 struct Pair {
     etcd: EtcdCluster,
-    /// The world there.
+    /// The address of the world in etcd.
     place: String,
     folder: tempfile::TempDir,
     addresses: [String; 2],
-    /// By their number.
+    /// The servers by their number; `None` for one that has ended.
     servers: [Option<Process>; 2],
     active: usize,
     nodes: Vec<Process>,
@@ -31,7 +32,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// `None` where there is no etcd.
+    /// Starts the processes. Returns `None` where etcd is not installed.
     fn start(members: usize) -> Option<Self> {
         let etcd = EtcdCluster::start(members)?;
         let place = etcd.place("play");
@@ -40,7 +41,7 @@ impl Pair {
 
     fn start_at(place: String, etcd: EtcdCluster) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        // Who stands by has no port yet, and others need to know it.
+        // A standby server has no port yet, but other processes need to know it.
         let addresses = [(); 2].map(|()| free_address().to_string());
         let data = folder.path().join("0");
         let mut active = serve(&place, &addresses[0], &data);
@@ -76,13 +77,13 @@ impl Pair {
         self.servers[self.active].as_mut().expect("it runs")
     }
 
-    /// Watches until a new client is let in by the server that stood by, and both nodes are members there. Says how long the first took,
-    /// and how long the world stood still at most.
+    /// Watches until the standby server admits a new client and has both nodes as members. Returns the time
+    /// until the client was admitted, and the longest time that the world stood still.
     fn take_over(&mut self) -> Takeover {
         let start = Instant::now();
         self.active = 1 - self.active;
         let (both, data) = (self.both(), self.data(self.active));
-        // Its folder got the authority from etcd, so that it makes tokens.
+        // The standby server's folder has the authority from etcd, so it can mint tokens.
         let join = move || drop(ClientWorld::connect(&joining(&both, token(&data, "client"))).unwrap());
         let joining = std::thread::spawn(move || {
             join();
@@ -99,7 +100,7 @@ impl Pair {
         Takeover { joined, stood }
     }
 
-    /// Starts the server again that was killed or replaced: it stands by.
+    /// Restarts the server that was killed or replaced, as a standby.
     fn stand_by(&mut self) {
         let other = 1 - self.active;
         let mut standby = serve(&self.place, &self.addresses[other], &self.data(other));
@@ -107,7 +108,7 @@ impl Pair {
         self.servers[other] = Some(standby);
     }
 
-    /// Ends the world: nothing is lost or doubled, and who stands by does not begin it again.
+    /// Ends the world. Nothing is lost or doubled, and the standby server does not begin the world again.
     fn end(mut self) {
         self.witness.leave();
         let ended =
@@ -131,17 +132,17 @@ impl Pair {
     }
 }
 
-/// What it is like when another server takes over.
+/// The times of a takeover.
 #[derive(Debug)]
 struct Takeover {
-    /// After this time a new client was let in.
+    /// The time until a new client was admitted.
     joined: Duration,
     /// The longest time for which the world stood still.
     stood: Duration,
 }
 
 impl Takeover {
-    /// Says how long joins had to wait.
+    /// Prints the times, checks the second, and returns how long joins had to wait.
     fn check(&self, what: &str) -> Duration {
         println!(
             "{what}: joins work again after {:.2?}; the world stood still for {:.2?}",
@@ -152,7 +153,8 @@ impl Takeover {
     }
 }
 
-/// Joins work again in time. Whom the machine itself keeps waiting gets two more chances.
+/// Checks that joins work again in time. Since the machine itself may delay a run, there are two more
+/// attempts.
 fn is_taken_over_in_time(case: impl Fn() -> Option<Duration>) {
     let _alone = alone();
     let mut late = Vec::new();
@@ -165,7 +167,7 @@ fn is_taken_over_in_time(case: impl Fn() -> Option<Duration>) {
     }
 }
 
-/// The password of the user that servers have where etcd has users.
+/// The password of the servers' user where etcd has users.
 const PASSWORD: &str = "of dcd";
 
 fn serve(place: &str, listen: &str, data: &Path) -> Process {
@@ -197,7 +199,7 @@ fn a_server_that_is_killed_under_load_is_taken_over_by_the_one_that_stands_by() 
 fn a_server_is_taken_over_while_a_member_of_etcd_is_down() {
     is_taken_over_in_time(|| {
         let mut pair = Pair::start(3)?;
-        // Whoever leads: a server that loses its etcd for an election goes on.
+        // Whether or not this member leads: a server survives the loss of its etcd during an election.
         pair.etcd.kill(0);
         let stood = pair.witness.watch_for(Duration::from_secs(4));
         println!("a member of etcd is killed: the world stood still for {stood:.2?}");
@@ -218,7 +220,7 @@ fn a_server_is_taken_over_in_an_etcd_with_tls_and_users() {
         etcd.add_user("dcd", PASSWORD, "dcd/play/");
         etcd.enable_users();
         let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd);
-        // Who then answers has not given the token.
+        // The member that answers then did not issue the token.
         pair.etcd.kill(0);
         let stood = pair.witness.watch_for(Duration::from_secs(4));
         assert!(stood < PAUSE, "{stood:?}");
@@ -248,7 +250,7 @@ fn a_server_without_a_users_password_says_what_is_missing() {
     }
 }
 
-/// A server stops, is taken over, and finds that out when it goes on.
+/// The active server stops, is taken over, and learns of that when it resumes.
 fn stop_and_resume_the_active_server(stop: Duration) -> Option<Duration> {
     let mut pair = Pair::start(1)?;
     let former = pair.active;

@@ -1,4 +1,5 @@
-//! Tests kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
+//! Tests kill -9 and stops of every role in the demo's world: the world goes on, and nothing is lost or
+//! doubled.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,16 +10,16 @@ use dcd::space::{BodyId, ClientId};
 use crate::process::{LIMIT, Process, Server, alone, dcd};
 use crate::witness::{Sight, Witness};
 
-/// A world whose nodes are well stands no longer, on a busy machine.
+/// The longest time that a world with healthy nodes may stand still, on a busy machine.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Until a killed node's regions go on elsewhere.
+/// The longest time until a killed node's regions go on elsewhere.
 const TAKEOVER: Duration = Duration::from_secs(3);
-/// Until there is a new leader.
+/// The longest time until there is a new leader.
 const ELECTION: Duration = Duration::from_secs(2);
-/// Until a server is back, or a process that was given up is back among the others.
+/// The longest time until a server is back, or until a process that was given up is back among the others.
 const RETURN: Duration = Duration::from_secs(10);
 
-/// The demo's world with two nodes, n1 leading, and a client that watches.
+/// The demo's world with two nodes, of which n1 leads, and a client that watches.
 struct Demo {
     server: Server,
     nodes: Vec<(String, Process)>,
@@ -38,7 +39,7 @@ impl Demo {
         &mut self.nodes.iter_mut().find(|(other, _)| other == name).unwrap().1
     }
 
-    /// The next view that both nodes are in, and how long that took.
+    /// Returns the next view that has both nodes, and the time until it came.
     fn both(&mut self) -> (String, Duration) {
         let start = Instant::now();
         loop {
@@ -49,13 +50,13 @@ impl Demo {
         }
     }
 
-    /// The end: nothing lost, nothing doubled, and everybody who still lives ends well. How many ticks each of them computed
-    /// speculatively.
+    /// Ends the world and checks that nothing is lost or doubled and that all living processes end well.
+    /// Returns how many ticks each node computed speculatively.
     fn end(self, dead: &[&str]) -> BTreeMap<String, u64> {
         self.end_with(0, dead)
     }
 
-    /// The same while clients have so many avatars.
+    /// The same, with this many avatars of clients.
     fn end_with(self, avatars: u64, dead: &[&str]) -> BTreeMap<String, u64> {
         self.witness.advance(60);
         let tick = self.witness.tick();
@@ -76,7 +77,7 @@ impl Demo {
 #[test]
 fn a_killed_leader_has_a_successor_within_two_seconds() {
     let _alone = alone();
-    // Whom the machine itself keeps waiting gets a second chance.
+    // The machine itself may delay an election, so there is a second attempt.
     let elected: Vec<_> = (0..2)
         .map(|_| {
             let mut demo = Demo::start();
@@ -97,7 +98,7 @@ fn a_killed_leader_has_a_successor_within_two_seconds() {
 fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
     let _alone = alone();
     let mut demo = Demo::start();
-    // Twice: what was restored is restored again.
+    // Twice, so that a restored server is restored again.
     for _ in 0..2 {
         demo.server.process.kill();
         let tick = demo.witness.tick();
@@ -115,13 +116,13 @@ fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
             stood.as_secs_f64()
         );
         assert!(back < RETURN && stood < PAUSE, "{back:?} {stood:?}");
-        // It lets others in as before.
+        // The server admits others as before.
         demo.server.witness().leave();
     }
     demo.end(&[]);
 }
 
-/// A server is away for so long; its nodes and who watches them wait, and are there when it is back.
+/// A server is away for this long. Its nodes and the watching client wait, and are there when it is back.
 fn is_away_for(away: Duration) {
     let _alone = alone();
     let mut demo = Demo::start();
@@ -139,7 +140,7 @@ fn is_away_for(away: Duration) {
     );
     assert!(ticks_per_s > 30.0 && stood < PAUSE, "{ticks_per_s} {stood:?}");
     assert!(start.elapsed() < RETURN, "{:?}", start.elapsed());
-    // The world is where its nodes are, not where the server's record ended.
+    // The world is at its nodes' tick, not where the server's record ended.
     demo.witness.advance(30);
     assert!(demo.witness.tick() > tick + (away.as_secs_f64() * 30.0) as u64);
     demo.server.witness().leave();
@@ -186,7 +187,7 @@ fn a_world_whose_server_and_nodes_all_die_goes_on_from_the_last_checkpoint() {
     assert_eq!(served["bodies"], 155);
 }
 
-/// A node stops, is taken over, and is back by itself when it goes on.
+/// A node stops, is taken over, and rejoins by itself when it resumes.
 fn stop_and_resume_a_node(stop: Duration) {
     let _alone = alone();
     for name in ["n2", "n1"] {
@@ -201,7 +202,8 @@ fn stop_and_resume_a_node(stop: Duration) {
              speculative, {back_m:.2} m put back); back after {back:.2?}: {view}"
         );
         assert!(back < RETURN, "{name}: {back:?}");
-        // The leader shows its clients how things go on, while it waits for the other; nobody does if it is the leader.
+        // A leader that waits for another node shows its clients speculative ticks. If the leader itself is
+        // stopped, nobody does.
         assert_eq!(guesses > 0, name == "n2", "{guesses}");
         assert!(name == "n1" || frozen < stood / 2, "{frozen:?} {stood:?}");
         let speculative = demo.end(&[]);
@@ -209,7 +211,7 @@ fn stop_and_resume_a_node(stop: Duration) {
     }
 }
 
-/// A server stops; its nodes go on; nothing is to be mended when it goes on.
+/// The server stops and its nodes go on. Nothing needs repair when the server resumes.
 fn stop_and_resume_the_server(stop: Duration) {
     let _alone = alone();
     let demo = Demo::start();
@@ -222,7 +224,7 @@ fn stop_and_resume_the_server(stop: Duration) {
     demo.end(&[]);
 }
 
-/// A client stops; the world goes on, and what it hosts goes on when it does.
+/// A client stops and the world goes on. The client's avatar moves again when the client resumes.
 fn stop_and_resume_a_client(stop: Duration) {
     let _alone = alone();
     let demo = Demo::start();
@@ -233,7 +235,7 @@ fn stop_and_resume_a_client(stop: Duration) {
     let number = name.strip_prefix('c').and_then(|number| number.parse().ok()).expect("a client's name");
     let avatar = BodyId::avatar(ClientId(number), 0);
     let place = || demo.witness.world.body(avatar).map(|view| view.body.state.pose.translation);
-    // It wanders.
+    // The avatar wanders.
     let moves = |from: [f64; 3]| {
         let gone = || place().is_some_and(|at| (0..3).any(|i| (at[i] - from[i]).abs() > 0.3));
         let start = Instant::now();
@@ -291,7 +293,7 @@ fn a_server_stopped_for_ten_seconds_is_not_missed() {
     stop_and_resume_the_server(Duration::from_secs(10));
 }
 
-/// Waits until so many nodes have one region each.
+/// Waits until this many nodes have one region each.
 fn dealt(server: &mut Server, nodes: usize) {
     loop {
         let view = server.view();
@@ -316,13 +318,13 @@ fn regions_follow_processes_that_come_die_and_leave() {
     }
     nodes.remove(1).1.kill();
     dealt(&mut server, 2);
-    // The server knows of the present regions by its members alone.
+    // Only its members can tell the server the present regions.
     server.process.kill();
     server.restart();
     dealt(&mut server, 2);
     nodes.push(server.node());
     dealt(&mut server, 3);
-    // The leader leaves, and tells its successor nothing.
+    // The leader leaves, and hands nothing over to its successor.
     let (_, leader) = nodes.remove(0);
     leader.interrupt();
     assert!(matches!(leader.end().code(), Some(0 | 130)));
@@ -335,7 +337,7 @@ fn regions_follow_processes_that_come_die_and_leave() {
     }
 }
 
-/// The list of faults in `benches/README.md` names tests that are there, and says which are ignored.
+/// The list of faults in `benches/README.md` names existing tests, and says which are ignored.
 #[test]
 fn the_list_of_faults_names_tests() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cluster_processes");
@@ -359,7 +361,7 @@ fn the_list_of_faults_names_tests() {
     let mut known = 0;
     for name in cells.flat_map(|cell| cell.split(", ")) {
         let bare = name.split('`').nth(1).unwrap_or_else(|| panic!("{name} is no name"));
-        // A command is no test.
+        // A command is not a test.
         if bare.contains(' ') {
             continue;
         }

@@ -1,4 +1,4 @@
-//! Tests the log of processes in the form that other programs read.
+//! Tests the log of processes in the form that programs read (JSON).
 
 use serde_json::Value;
 
@@ -12,7 +12,7 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
     let mut node = Process::start(&mut dcd(&args));
     assert_eq!(node.line("joined as "), "n1");
     server.view();
-    // What is said to people, and failures, are lines of their own whatever is filtered.
+    // Messages for people, and failures, are lines of their own, whatever the filter.
     let told = |more: [&str; 2]| {
         let mut node = dcd(&["node", "--log-format", "json", "--server", &server.address]);
         Process::start(node.args(more).env("RUST_LOG", "off"))
@@ -45,7 +45,7 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
         (text(&stops["span"], "role"), text(&stops["span"], "node")),
         (Some("node".into()), Some("n1".into()))
     );
-    // Where the world was: it had begun by then.
+    // The line says where the world was: it had already begun.
     assert!(stops["span"]["tick"].as_u64() > Some(0) && stops["span"]["view"].as_u64() >= Some(1), "{stops}");
 }
 

@@ -118,7 +118,7 @@ fn a_killed_client_continues_where_it_was() {
     assert_eq!(client.line("joined as "), "c1");
     let server_address = server.address.parse().unwrap();
     let observer = ClientWorld::connect(&JoinConfig::new(server_address, server.token("client"))).unwrap();
-    // Until it has moved, and from its death on until it is taken out of the world.
+    // Watches the avatar until it has moved, and after the client's death until it is removed from the world.
     let avatar = dcd::space::BodyId::avatar(dcd::space::ClientId(1), 0);
     assert!(observer.wait_body(avatar, process::LIMIT));
     let place = || observer.body(avatar).map(|body| body.body.state.pose.translation);
@@ -140,7 +140,7 @@ fn a_killed_client_continues_where_it_was() {
     assert_eq!((back.id().0, back.own_avatars()), (1, vec![avatar]));
     assert!(back.wait_body(avatar, process::LIMIT));
     let now = back.body(avatar).unwrap().body.state.pose.translation;
-    // The last report before it was taken out is up to three ticks old.
+    // The last report before the avatar was removed is up to three ticks old.
     assert!(distance(now, last) < 1.0, "{now:?} {last:?}");
     let body = rapier3d::prelude::RigidBodyBuilder::kinematic_velocity_based();
     let ball = rapier3d::prelude::ColliderBuilder::ball(0.5);
@@ -161,7 +161,7 @@ fn a_node_that_is_told_to_go_hands_its_regions_over_first() {
     assert_eq!(ended.code(), Some(130), "{ended:?}");
     assert!(ended.errors.contains("handed over"), "{ended:?}");
     assert!(server.view().contains("n1 r1 r2; n1 leads"));
-    // The last one gives the world back to the server, which keeps it for the next.
+    // The last node gives the world back to the server, which keeps it for the next node.
     stays.interrupt();
     assert_eq!(stays.end().code(), Some(130));
     assert!(server.view().starts_with("none"));
@@ -191,14 +191,14 @@ fn one_press_that_all_hear_and_some_hear_twice_stops_all_in_order() {
     let mut participant = Process::start(&mut dcd(&args));
     participant.line("joined as ");
     server.view();
-    // As a terminal sends it to all, and a parent once more to its child.
+    // As a terminal sends Ctrl-C to all processes, and a parent once more to its child.
     let [first, second, last] = [node.id(), participant.id(), server.process.id()];
     let press = format!("kill -INT {first} {second} {last}; sleep 0.003; kill -INT {last}");
     let pressed = Instant::now();
     assert!(std::process::Command::new("sh").args(["-c", &press]).status().unwrap().success());
     let ended = server.process.end();
     assert_eq!((ended.code(), &ended.json()["kept"]), (Some(0), &true.into()), "{ended:?}");
-    // Who is slower than the server finds nobody to hand its regions to, and says so.
+    // A process slower than the server finds nobody to take its regions, and says so.
     for process in [&mut node, &mut participant] {
         let ended = process.end_within(process::LIMIT);
         let unheard = ended.code() == Some(1) && ended.errors.contains("did not take this process's share");

@@ -1,4 +1,4 @@
-//! Tests that clients which hang, or read nothing, cost neither the world nor other clients anything.
+//! Tests that clients which hang, or read nothing, slow down neither the world nor other clients.
 
 use std::time::{Duration, Instant};
 
@@ -8,10 +8,10 @@ use crate::process::{LIMIT, Process, Server, alone, dcd};
 use crate::witness::joining;
 
 const STRETCH: Duration = Duration::from_secs(4);
-/// Clients that stop.
+/// The number of clients that are stopped.
 const STOPPED: usize = 6;
 
-/// Returns how many ticks the world goes on in a time, and how often the client is told of states.
+/// Returns how many ticks the world advances in a time, and how often the client is told of states.
 fn watch(client: &ClientWorld, time: Duration) -> (u64, u64) {
     let (tick, updates, start) = (client.tick().0, client.updates(), Instant::now());
     while start.elapsed() < time {
@@ -24,7 +24,7 @@ fn watch(client: &ClientWorld, time: Duration) -> (u64, u64) {
 #[test]
 fn clients_that_are_stopped_keep_neither_the_world_nor_other_clients_waiting() {
     let _alone = alone();
-    // All cubes move all the time, and each client is told of all.
+    // All cubes move all the time, and each client is told of all of them.
     let server = Server::start(&["dve", "--set", "n=400", "--nodes", "2"]);
     let _nodes = [server.node(), server.node()];
     let crowd: Vec<_> = (0..STOPPED)
@@ -47,7 +47,8 @@ fn clients_that_are_stopped_keep_neither_the_world_nor_other_clients_waiting() {
     println!(
         "ticks and updates in {STRETCH:?}: {before:?} before, {while_stopped:?} meanwhile, {after:?} after"
     );
-    // Who waited for a client would do so for seconds; what a busy machine leaves is another matter (`dcd-benches fan-out`, `floods`).
+    // Waiting for a client would take seconds. How much a busy machine slows the rest is measured elsewhere
+    // (`dcd-benches fan-out`, `floods`).
     let (ticks, updates) = before;
     for (later_ticks, later_updates) in [while_stopped, after] {
         assert!(2 * later_ticks >= ticks && 2 * later_updates >= updates);

@@ -1,4 +1,4 @@
-//! Tests what servers and nodes tell of themselves over HTTP: metrics as Prometheus reads them, and whether they are well.
+//! Tests what servers and nodes report over HTTP: metrics in Prometheus' format, and their health.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Write};
@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use crate::process::{LIMIT, Process, Server, dcd};
 
-/// Where a process answers, by the line that it prints.
+/// Returns the address at which a process answers, from the line that it prints.
 pub(crate) fn address(process: &mut Process) -> String {
     process.line("metrics http://").strip_suffix("/metrics").expect("the path of metrics").to_owned()
 }
 
-/// The status and the content of an answer.
+/// Returns the status and the content of an answer.
 fn get(address: &str, path: &str) -> (u16, String) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(LIMIT)).unwrap();
@@ -26,7 +26,7 @@ fn get(address: &str, path: &str) -> (u16, String) {
     (status.parse().unwrap(), content.to_owned())
 }
 
-/// Values by name and labels, as they are written: `dcd_messages_total{direction="in",subject="ticks"}`.
+/// Values by name and labels, in their text form: `dcd_messages_total{direction="in",subject="ticks"}`.
 pub(crate) type Values = BTreeMap<String, f64>;
 
 pub(crate) fn scrape(address: &str) -> Values {
@@ -35,7 +35,7 @@ pub(crate) fn scrape(address: &str) -> Values {
     parse(&text).unwrap_or_else(|error| panic!("{error} in\n{text}"))
 }
 
-/// Reads Prometheus' text format as strictly as its own linter does.
+/// Reads Prometheus' text format as strictly as Prometheus' own linter.
 fn parse(text: &str) -> Result<Values, String> {
     let text = text.strip_suffix('\n').ok_or("the last line does not end")?;
     let (mut values, mut families) = (Values::new(), BTreeSet::new());
@@ -103,7 +103,8 @@ fn sum(values: &[Values], name: &str) -> f64 {
     values.iter().map(|values| values[name]).sum()
 }
 
-/// Each metric is in the manual, and each of the manual's is told. So is what the board and the alerts ask for.
+/// Checks that the manual lists exactly the metrics that are reported, and that the metrics in the dashboard
+/// and the alerts exist.
 fn check_manual<'a>(told: impl Iterator<Item = &'a Values>) {
     let manual = include_str!("../../../dcd/manual/operating.md");
     let told: Vec<_> = told.collect();
@@ -124,7 +125,7 @@ fn check_manual<'a>(told: impl Iterator<Item = &'a Values>) {
         let words = expression.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
         let mut names =
             words.filter(|word| word.starts_with("dcd_") || word.starts_with("process_")).peekable();
-        // Prometheus itself tells which of its targets answer.
+        // `up` comes from Prometheus itself.
         assert!(names.peek().is_some() || expression.contains("up{"), "`{expression}` asks for nothing");
         names.for_each(|name| assert!(series.contains(name), "`{expression}`: nobody tells {name}"));
     }
@@ -140,7 +141,7 @@ fn check_manual<'a>(told: impl Iterator<Item = &'a Values>) {
     assert_eq!(told, named);
 }
 
-/// Waits until something holds, as it does soon.
+/// Waits until a condition holds, which must be soon.
 pub(crate) fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + LIMIT;
     loop {
@@ -157,7 +158,7 @@ fn a_server_and_its_nodes_tell_prometheus_of_the_world_that_they_compute() {
     let scene = crate::process::playground();
     let mut server = Server::start(&[scene.to_str().unwrap(), "--nodes", "2", "--metrics", "127.0.0.1:0"]);
     let of_server = address(&mut server.process);
-    // The port is there before the loop is.
+    // The port is open before the loop runs.
     wait("the server is ready", || (get(&of_server, "/readyz").0 == 200).then_some(()));
     assert_eq!(get(&of_server, "/healthz"), (200, "ok\n".to_owned()));
     let (_, mut first) = server.node_with(&["--metrics", "127.0.0.1:0"]);
@@ -170,7 +171,7 @@ fn a_server_and_its_nodes_tell_prometheus_of_the_world_that_they_compute() {
     for node in &nodes {
         wait("the node is ready", || (get(node, "/readyz").0 == 200).then_some(()));
     }
-    // While a body goes over, the two may tell of different ticks.
+    // While a body is transferred, the two nodes may report different ticks.
     let world = wait("bodies add up", || {
         let (world, nodes) = (scrape(&of_server), nodes.each_ref().map(|node| scrape(node)));
         (sum(&nodes, "dcd_bodies") == 155.0 && world["dcd_world_bodies"] == 155.0).then_some((world, nodes))
@@ -209,12 +210,12 @@ fn a_server_and_its_nodes_tell_prometheus_of_the_world_that_they_compute() {
             assert!(after[name] >= *value, "{name} fell from {value} to {}", after[name]);
         }
         assert_eq!(before.keys().collect::<Vec<_>>(), after.keys().collect::<Vec<_>>(), "series come and go");
-        // A tick that lay across the beginning of a view is not timed.
+        // A tick that spans the beginning of a view is not timed.
         assert!(after["dcd_tick_seconds_count"] <= after["dcd_ticks_total"]);
         assert!(after["dcd_tick_seconds_sum"] > after["dcd_tick_compute_seconds_sum"] / 2.0);
         assert_eq!(after["dcd_tick_compute_seconds_count"], after["dcd_ticks_total"]);
     }
-    // Its loop notes what links counted now and then.
+    // The server's loop reads the counters of its links only now and then.
     let world = wait("joins are counted", || {
         Some(scrape(&of_server)).filter(|world| world["dcd_joins_total"] == 2.0)
     });
@@ -223,7 +224,7 @@ fn a_server_and_its_nodes_tell_prometheus_of_the_world_that_they_compute() {
     assert_eq!(world["dcd_world_views_total"], 1.0);
     let refused = "dcd_rejections_total{cause=\"join\"}";
     assert_eq!(world[refused], 0.0);
-    // A token that was used is refused.
+    // A used token is refused.
     let token = server.token("node");
     let args = ["node", "--server", &server.address, "--token", &token];
     let mut third = Process::start(&mut dcd(&args));

@@ -1,4 +1,5 @@
-//! Tests processes whose wall clock is moved far ahead while they run, as that of a machine that slept: all their certificates have expired.
+//! Tests processes whose wall clock jumps far ahead while they run, as on a machine that slept: all their
+//! certificates have expired.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -9,7 +10,7 @@ use serde_json::Value;
 use crate::metrics::wait;
 use crate::process::{Process, dcd, playground};
 
-/// The processes of a world, all by a clock that can be moved. Only the wall clock is: time goes on passing as it does.
+/// The processes of a world, all with a wall clock that can be moved. The monotonic clock is not changed.
 struct Moved {
     library: PathBuf,
     folder: tempfile::TempDir,
@@ -17,7 +18,7 @@ struct Moved {
 }
 
 impl Moved {
-    /// `None` where there is no libfaketime.
+    /// Prepares the clock. Returns `None` where libfaketime is not installed.
     fn new() -> Option<Self> {
         let places = std::fs::read_dir("/usr/lib").ok()?.flatten().map(|place| place.path());
         let libraries = places.map(|place| place.join("faketime/libfaketimeMT.so.1"));
@@ -28,11 +29,11 @@ impl Moved {
         Some(moved)
     }
 
-    /// Sets all clocks ahead of the true time by so much: `+25h`.
+    /// Sets all wall clocks ahead of the true time by this offset, such as `+25h`.
     fn ahead(&self, by: &str) {
         let next = self.folder.path().join("next");
         std::fs::write(&next, by).unwrap();
-        // At once, or half a number would be read.
+        // Renamed, so that no process reads half a number.
         std::fs::rename(next, self.offset()).unwrap();
     }
 
@@ -47,7 +48,7 @@ impl Moved {
     fn dcd(&self, args: &[&str]) -> Command {
         let mut command = dcd(args);
         command.env("LD_PRELOAD", &self.library).env("FAKETIME_TIMESTAMP_FILE", self.offset());
-        // Read anew each time; and no process begins its own time.
+        // Read the file at each call, and let no process restart its clock at its own beginning.
         command.env("FAKETIME_NO_CACHE", "1").env("FAKETIME_DONT_RESET", "1");
         command.env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
         command
@@ -60,7 +61,7 @@ impl Moved {
         server
     }
 
-    /// Starts a process that plays a part, with a token that was made just now.
+    /// Starts a process in this role, with a new token.
     fn join(&self, role: &str) -> Process {
         let mut token = self.dcd(&["token", "--role", role, "--data"]);
         let told = Process::start(token.arg(self.data())).end();
@@ -71,7 +72,7 @@ impl Moved {
         process
     }
 
-    /// Asks `dcd status`.
+    /// Returns the output of `dcd status`.
     fn status(&self) -> Value {
         let mut status = self.dcd(&["status", "--json", "--server", &self.address, "--data"]);
         let told = Process::start(status.arg(self.data())).end();
@@ -79,7 +80,8 @@ impl Moved {
         told.json()
     }
 
-    /// Waits until so many nodes and clients are in one group, and its world is past this tick; returns at which it is.
+    /// Waits until this many nodes and clients are in one group whose world is past this tick. Returns the
+    /// world's tick.
     fn whole(&self, nodes: usize, clients: u64, past: u64) -> u64 {
         wait(&format!("{nodes} nodes and {clients} clients are in one world past tick {past}"), || {
             let told = self.status();
@@ -102,13 +104,13 @@ fn a_clock_that_is_moved_ahead_by_a_day_and_by_months_ends_nothing_and_keeps_nob
     let second = world.join("client");
     let tick = world.whole(2, 2, begun);
 
-    // Whoever comes reaches those that were there, whose certificates were of another time.
+    // A new process reaches the earlier ones, whose certificates were made at another time.
     world.ahead("+30d");
     nodes[0].kill();
     nodes[0] = world.join("node");
     let tick = world.whole(2, 2, tick);
 
-    // A server that begins anew then goes on with its world.
+    // A server that is started again then goes on with its world.
     server.signal("-TERM");
     assert_eq!(server.end().code(), Some(0));
     world.ahead("+90d");

@@ -1,4 +1,4 @@
-//! Tests what servers and nodes tell systemd, at the socket that it would give them.
+//! Tests what servers and nodes tell systemd, through a socket as systemd would provide it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::process::{LIMIT, Process, dcd, playground, token};
 
-/// The end that systemd has.
+/// The end of the socket that systemd has.
 struct Supervisor {
     socket: UnixDatagram,
     path: String,
@@ -24,13 +24,13 @@ impl Supervisor {
         Self { socket, path: path.to_str().unwrap().to_owned(), heard: Vec::new() }
     }
 
-    /// Starts a process that is to say twice per 0.4 s that it lives.
+    /// Starts a process that must report twice per 0.4 s that it is alive.
     fn start(&self, args: &[&str]) -> Process {
         let mut command = dcd(args);
         Process::start(command.env("NOTIFY_SOCKET", &self.path).env("WATCHDOG_USEC", "400000"))
     }
 
-    /// Waits for a line that begins so, and returns the rest of it.
+    /// Waits for a line with this prefix, and returns the rest of it.
     fn line(&mut self, prefix: &str) -> String {
         let deadline = Instant::now() + LIMIT;
         let mut bytes = [0; 4096];
@@ -73,7 +73,7 @@ fn systemd_hears_when_a_server_and_its_nodes_are_ready_that_they_live_and_that_t
     let mut node = of_node.start(&args.each_ref().map(String::as_str));
     node.line("joined as ");
     of_node.line("READY=1");
-    // It has no group before the other one comes.
+    // It has no group before the other node comes.
     for _ in 0..5 {
         of_node.line("WATCHDOG=1");
     }
@@ -91,7 +91,8 @@ fn systemd_hears_when_a_server_and_its_nodes_are_ready_that_they_live_and_that_t
     assert_eq!(server.end().code(), Some(0));
 }
 
-/// Answers as an etcd would that keeps the first key that it is given, and takes no writes any more. Ends with the test's process.
+/// Starts an HTTP server that answers as an etcd which keeps the first key that it is given, and then accepts
+/// no more writes. It ends with the test's process.
 fn etcd_without_a_leader() -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();

@@ -1,4 +1,4 @@
-//! Tests what `packaging/` has for operators: units of systemd, and the files of options that they name.
+//! Tests what `packaging/` has for operators: systemd units, and the option files that they name.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -11,8 +11,8 @@ fn packaging() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../packaging")
 }
 
-/// Reads a file of `packaging/` as it would be installed below `root`, with the program under test, ports of the system's choice and
-/// the repository's scenes.
+/// Reads a file of `packaging/` as it would be installed below `root`, but with the program under test, ports
+/// of the system's choice and the repository's scenes.
 fn installed(file: &str, root: &Path) -> String {
     let text = fs::read_to_string(packaging().join(file)).unwrap();
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../dcd/scenes");
@@ -108,12 +108,12 @@ fn the_container_has_what_it_names() {
         }
     }
     assert!(copied > 6, "{copied}");
-    // What a builder is sent is that alone.
+    // The build context of the image contains just what the image copies.
     let sent = fs::read_to_string(packaging().join("../.dockerignore")).unwrap();
     let sent: BTreeSet<_> = sent.lines().filter_map(|line| line.strip_prefix('!')).collect();
     let wanted =
         file.lines().filter_map(|line| line.strip_prefix("COPY ")).filter(|line| !line.starts_with("--from"));
-    // The scenes that go into the image are in the folder dcd.
+    // The scenes in the image are below the folder `dcd`.
     let wanted =
         wanted.flat_map(|line| line.split(' ').rev().skip(1)).filter(|word| !word.starts_with("dcd/"));
     assert_eq!(sent, wanted.collect());

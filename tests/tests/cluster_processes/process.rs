@@ -1,4 +1,5 @@
-//! Starts real processes of the command line, waits for them with a bound and kills them by handle when a test is over.
+//! Starts real processes of the command line, waits for them with a limit, and kills them by their handles
+//! when a test is over.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -13,10 +14,11 @@ use serde_json::Value;
 
 use crate::witness::Witness;
 
-/// Nothing here takes nearly as long, even on a busy machine.
+/// A limit that nothing here comes near, even on a busy machine.
 pub(crate) const LIMIT: Duration = Duration::from_secs(30);
 
-/// Times are measured one after the other, and not beside what takes the machine for itself.
+/// Returns a guard for tests that measure times: they run one after the other, and not beside tests that load
+/// the machine.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
     CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
@@ -25,7 +27,8 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
 /// The program under test.
 pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_dcd-under-test");
 
-/// The command line under test. It hears all signals, also where whoever runs the tests ignores some, as `nohup` does.
+/// Returns a command of the program under test. It hears all signals, even if the tests run where some are
+/// ignored, as under `nohup`.
 pub(crate) fn dcd(args: &[&str]) -> Command {
     let mut command = match cfg!(target_os = "linux") {
         true => Command::new("env"),
@@ -46,7 +49,7 @@ pub(crate) struct Process {
     errors: Option<JoinHandle<String>>,
 }
 
-/// How a child ended, and what it said since it was last asked.
+/// How a child ended, and its output since it was last read.
 #[derive(Debug)]
 pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
@@ -78,7 +81,7 @@ impl Process {
         Self { child, lines, reader: Some(reader), errors: Some(errors) }
     }
 
-    /// The rest of the next line that begins with `prefix`.
+    /// Waits for the next line that begins with `prefix`, and returns the rest of it.
     pub(crate) fn line(&mut self, prefix: &str) -> String {
         let deadline = Instant::now() + LIMIT;
         loop {
@@ -98,22 +101,22 @@ impl Process {
         }
     }
 
-    /// What it has said since it was last asked.
+    /// Returns the lines since the output was last read.
     pub(crate) fn heard(&mut self) -> Vec<String> {
         self.lines.try_iter().collect()
     }
 
-    /// Its number in the system.
+    /// Returns the process id.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// What Ctrl-C does.
+    /// Interrupts the process, as Ctrl-C does.
     pub(crate) fn interrupt(&self) {
         self.signal("-INT");
     }
 
-    /// A signal, as `kill` names it.
+    /// Sends a signal, by its name for `kill`.
     pub(crate) fn signal(&self, name: &str) {
         let sent = Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap();
         assert!(sent.success());
@@ -123,13 +126,13 @@ impl Process {
         self.child.try_wait().unwrap().is_none()
     }
 
-    /// What a crash does.
+    /// Kills the process, as a crash would.
     pub(crate) fn kill(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 
-    /// Waits for its end.
+    /// Waits for the end of the process.
     pub(crate) fn end(mut self) -> Ended {
         self.end_within(LIMIT)
     }
@@ -156,7 +159,7 @@ impl Drop for Process {
 }
 
 impl Ended {
-    /// The JSON object in its last line.
+    /// Returns the JSON object in the last line.
     pub(crate) fn json(&self) -> Value {
         let last = self.lines.last().unwrap_or_else(|| panic!("it printed nothing: {}", self.errors));
         serde_json::from_str(last).unwrap_or_else(|_| panic!("{last}: {}", self.errors))
@@ -176,17 +179,18 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Serves a scene with JSON at the end.
+    /// Serves a scene. The server prints JSON at its end.
     pub(crate) fn start(args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let args: Vec<_> = args.iter().map(|&arg| arg.to_owned()).collect();
-        // Where it can listen again.
+        // An address at which it can listen again.
         let listen = free_address().to_string();
         let (process, address) = serve(&listen, &folder.path().join("data"), &args);
         Self { process, address, folder, args }
     }
 
-    /// Another process with the same folder and address; the former one must have ended. From which tick it goes on.
+    /// Starts another process with the same folder and address; the former one must have ended. Returns the
+    /// tick from which it goes on.
     pub(crate) fn restart(&mut self) -> u64 {
         let (process, address) = serve(&self.address, &self.data(), &self.args);
         assert_eq!(address, self.address);
@@ -194,7 +198,7 @@ impl Server {
         self.process.line("going on with the world at tick ").parse().expect("a number")
     }
 
-    /// The demo's world, in two regions.
+    /// Serves the demo's world, in two regions.
     pub(crate) fn playground(nodes: &str) -> Self {
         Self::start(&[playground().to_str().unwrap(), "--nodes", nodes])
     }
@@ -207,7 +211,7 @@ impl Server {
         token(&self.data(), role)
     }
 
-    /// A node, with its name.
+    /// Starts a node, and returns its name and process.
     pub(crate) fn node(&self) -> (String, Process) {
         self.node_with(&[])
     }
@@ -220,22 +224,22 @@ impl Server {
         (name, node)
     }
 
-    /// A client that watches.
+    /// Joins a client that watches.
     pub(crate) fn witness(&self) -> Witness {
         Witness::join(&self.address, self.token("client"))
     }
 
-    /// The next membership.
+    /// Waits for the next view, and returns its line.
     pub(crate) fn view(&mut self) -> String {
         self.process.line("view ")
     }
 
-    /// What `dcd end` does, and the summary, in which nothing may be lost.
+    /// Ends the world by `dcd end`, and returns the server's summary. No body may be lost or doubled.
     pub(crate) fn stop(mut self) -> Value {
         self.end_world()
     }
 
-    /// The same for one whose folder is looked at then.
+    /// The same, if the folder is looked at afterwards.
     pub(crate) fn end_world(&mut self) -> Value {
         let told = Process::start(dcd(&["end", "--data"]).arg(self.data())).end();
         assert_eq!(told.code(), Some(0), "{told:?}");

@@ -1,4 +1,5 @@
-//! Tests recordings of real processes: what they computed is computed again, also by one that was killed.
+//! Tests recordings of real processes: what they computed is computed again, even by a process that was
+//! killed.
 
 use crate::process::{Process, Server, alone, dcd, playground};
 
@@ -20,7 +21,7 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
     nodes[0].1.kill();
     server.view();
     witness.advance(30);
-    // Under its old identity, so that two files are of one node.
+    // With the killed node's identity, so that two files are of the same node.
     let third = node(&server, "a", "c.dcdr");
     assert_eq!(third.0, nodes[0].0);
     server.view();

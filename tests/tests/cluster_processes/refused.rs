@@ -1,4 +1,5 @@
-//! Tests that what hostile clients ask for over real QUIC is refused, and counted by its cause where it was refused.
+//! Tests that forbidden requests of hostile clients over real QUIC are refused, and counted by their cause in
+//! the process that refused them.
 
 use std::time::Duration;
 
@@ -11,7 +12,7 @@ use dcd_tests::proxy::free_address;
 use crate::metrics::{address, scrape, wait};
 use crate::process::{LIMIT, Server, playground};
 
-/// Returns how often something was refused for this cause, as `/metrics` of a process says.
+/// Returns how many requests a process has refused for this cause, from its `/metrics`.
 fn rejections(address: &str, cause: &str) -> f64 {
     scrape(address)[&format!("dcd_rejections_total{{cause=\"{cause}\"}}")]
 }
@@ -39,7 +40,7 @@ fn what_a_client_may_not_is_counted_by_its_cause_where_it_is_refused() {
     let before = (counts(), rejections(&of_server, "input"));
     assert_eq!(before, ([0.0; 4], 0.0), "an honest client is refused nothing");
 
-    // A ClientWorld checks nothing of what it asks: too fast, then too far.
+    // A ClientWorld does not check its inputs: first too fast, then too far.
     let avatar = witness.avatar;
     let fast = Velocity { linear: [1e4, 0.0, 0.0], angular: [0.0; 3] };
     witness.world.send_input(avatar, fast, None).unwrap();
@@ -49,14 +50,14 @@ fn what_a_client_may_not_is_counted_by_its_cause_where_it_is_refused() {
     witness.world.send_input(avatar, Velocity::default(), Some(far)).unwrap();
     assert_eq!(refusal(&witness.world), (Some(avatar), Refusal::TooFar));
     wait("it is counted", || (rejections(&of_node, "input") == 2.0).then_some(()));
-    // For an avatar that is to come it waits, and this one does not come.
+    // An input for a future avatar waits, but this avatar does not come.
     let nobody = BodyId::avatar(witness.world.id(), 900);
     witness.world.send_input(nobody, Velocity::default(), None).unwrap();
     assert_eq!(refusal(&witness.world), (Some(nobody), Refusal::Unknown));
     wait("it is counted", || (rejections(&of_node, "input") == 3.0).then_some(()));
     assert_eq!(rejections(&of_server, "input"), 0.0, "its leader refused it");
 
-    // To build is asked of the server, which answers.
+    // Requests to build go to the server, which answers.
     let body =
         witness.world.with_bodies(|view| Some(view.body.id)).into_iter().find(|id| id.client().is_none());
     let body = body.expect("the scene has bodies");
@@ -64,7 +65,7 @@ fn what_a_client_may_not_is_counted_by_its_cause_where_it_is_refused() {
     assert_eq!(refusal(&witness.world), (None, Refusal::MayNotBuild));
     wait("it is counted", || (rejections(&of_server, "input") == 1.0).then_some(()));
 
-    // A node has nothing to do with it, whoever asks.
+    // A node does not take such requests, whoever sends them.
     let server_address = server.address.parse().unwrap();
     let identity = JoinConfig::new(server_address, server.token("client")).join(JoinRole::Client).unwrap();
     let client = identity.client().unwrap();

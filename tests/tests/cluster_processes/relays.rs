@@ -1,4 +1,5 @@
-//! Tests that other nodes than the leader tell clients of a world, and that nothing is lost when one of them is killed.
+//! Tests that relays, nodes other than the leader, tell clients of a world, and that nothing is lost when a
+//! relay is killed.
 
 use std::time::{Duration, Instant};
 
@@ -10,12 +11,12 @@ use crate::witness::joining;
 
 const CUBES: usize = 200;
 
-/// Returns who relays for each client that is not told by the leader.
+/// Returns the relay of each client that is not told by the leader.
 fn relays(clients: &[ClientWorld]) -> Vec<NodeId> {
     clients.iter().filter_map(ClientWorld::told_by).collect()
 }
 
-/// Waits until it is so.
+/// Waits until a condition holds.
 fn wait(clients: &[ClientWorld], mut is_so: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !is_so() {
@@ -29,7 +30,7 @@ fn wait(clients: &[ClientWorld], mut is_so: impl FnMut() -> bool) {
     }
 }
 
-/// Waits until each client has heard of each cube, which all move all the time, since a tick.
+/// Waits until each client has heard of each cube since its present tick. All cubes move all the time.
 fn all_hear(clients: &[ClientWorld]) {
     let from: Vec<_> = clients.iter().map(ClientWorld::tick).collect();
     for (client, from) in clients.iter().zip(from) {
@@ -52,7 +53,7 @@ fn clients_are_told_by_other_nodes_and_by_the_leader_when_one_of_these_is_killed
     all_hear(&clients);
     let killed = relays(&clients)[0];
     nodes[killed.0 as usize - 1].1.kill();
-    // The one that is left, and the leader, go on.
+    // The remaining relay and the leader go on.
     wait(&clients, || !relays(&clients).contains(&killed) && relays(&clients).len() == 3);
     all_hear(&clients);
     nodes[if killed.0 == 2 { 2 } else { 1 }].1.kill();

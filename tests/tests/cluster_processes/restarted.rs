@@ -1,4 +1,5 @@
-//! Tests nodes that are started again by whoever watches over them, with the same command as before: `Restart=always` of a systemd unit.
+//! Tests nodes that a supervisor starts again with the same command, as with `Restart=always` of a systemd
+//! unit.
 
 use crate::process::{Process, Server, alone, dcd};
 
@@ -24,7 +25,7 @@ fn a_node_that_is_started_again_by_the_same_command_is_who_it_was() {
     witness.advance(10);
     node.kill();
     server.view();
-    // The token is used up, and not asked for.
+    // The token is used up, but not needed.
     let mut again = command(&kept);
     assert_eq!(again.line("joined as "), name);
     server.view();

@@ -1,4 +1,4 @@
-//! Measures what a world at rest costs a client that shows it.
+//! Measures the traffic of a client that shows a world at rest.
 
 use std::time::{Duration, Instant};
 
@@ -7,14 +7,14 @@ use dcd::runtime::{ClientWorld, JoinConfig};
 
 use crate::process::{LIMIT, Server, alone};
 
-/// Of all links of a client, keep-alives included, in bytes per second.
+/// The limit of bytes per second over all links of a client, keep-alives included.
 const AT_REST: u64 = 50;
-/// The time over which that is counted: two heartbeats, and more keep-alives.
+/// The time over which bytes are counted: two heartbeats, and more keep-alives.
 const STRETCH: Duration = Duration::from_secs(12);
-/// Longest frame of who shows the world.
+/// The longest frame of the client.
 const FRAME: Duration = Duration::from_millis(50);
 
-/// Shows the world for a time; returns the bytes of UDP that came meanwhile.
+/// Shows the world for a time. Returns the UDP bytes received meanwhile.
 fn show(client: &mut ClientWorld, time: Duration) -> u64 {
     let (start, before) = (Instant::now(), client.traffic().udp_bytes_in);
     let mut last = f64::NEG_INFINITY;
@@ -45,7 +45,8 @@ fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
         assert!(Instant::now() < deadline, "the pyramid does not come to rest");
         show(&mut client, FRAME);
     }
-    // The leader's word that it rests comes thrice, and its clock is looked at.
+    // Skips the first three heartbeats at rest, which follow more closely than later ones, and the comparison
+    // of clocks.
     show(&mut client, Duration::from_secs(3));
     let (tick, bytes) = (client.tick(), show(&mut client, STRETCH));
     assert!(bytes <= AT_REST * STRETCH.as_secs(), "{bytes} bytes in {STRETCH:?}");

@@ -1,4 +1,4 @@
-//! Tests `dcd save`, `dcd restore` and `dcd serve FILE.dcd` on servers that run.
+//! Tests `dcd save`, `dcd restore` and `dcd serve FILE.dcd` on running servers.
 
 use std::path::Path;
 
@@ -26,11 +26,11 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     assert_eq!(restored.code(), Some(0), "{restored:?}");
     assert!(restored.lines[0].starts_with("the world goes on with "), "{restored:?}");
     witness.advance(30);
-    // It went sideways for 1.5 s between, and half a second since.
+    // It moved sideways for 1.5 s after the save, and for half a second since the restore.
     let after = at(witness.avatar).unwrap();
     assert!(after[2] < before[2] - 0.2, "the avatar is where it was: {before:?}, {after:?}");
 
-    // Alone, and by another server.
+    // The saved file runs alone, and on another server.
     let alone = Process::start(dcd(&["run", "--seconds", "0.5", "--json"]).arg(&file)).end();
     assert_eq!((alone.code(), alone.json()["lost"].as_u64()), (Some(0), Some(0)), "{alone:?}");
     let other = Server::start(&[file.to_str().unwrap(), "--nodes", "1"]);

@@ -9,7 +9,7 @@ use crate::process::{Process, Server, dcd};
 fn the_status_of_a_world_names_each_node_and_each_region_once() {
     let scene = crate::process::playground();
     let mut server = Server::start(&[scene.to_str().unwrap(), "--nodes", "2", "--regions", "4"]);
-    // Before there is a node nobody computes anything.
+    // Before a node joins, nobody computes anything.
     let token = server.token("client");
     let args = ["status", "--json", "--server", &server.address, "--token", &token];
     let empty = Process::start(&mut dcd(&args)).end();
@@ -46,7 +46,7 @@ fn the_status_of_a_world_names_each_node_and_each_region_once() {
     };
     assert_eq!((sum("regions"), sum("nodes"), told["bodies"].as_u64()), (155, 155, Some(155)));
     assert!(told["ticks_per_s"].as_f64().unwrap() > 0.0, "the world goes on: {told}");
-    // What it says of owners is what those say of themselves, once the record has heard it.
+    // The owners' bodies are as the nodes count them, once the server's record has heard of them.
     metrics::wait("bodies by owner are those of the nodes", || {
         let mut status = dcd(&["status", "--json", "--server", &server.address, "--data"]);
         let told = Process::start(status.arg(server.data())).end().json();
@@ -54,7 +54,7 @@ fn the_status_of_a_world_names_each_node_and_each_region_once() {
         let said = [0, 1].map(|i: usize| told["nodes"][i]["bodies"].as_f64().unwrap());
         (own == said).then_some(())
     });
-    // It watches, and plays no part.
+    // `dcd status` watches, and does not count as a client.
     assert_eq!((&told["clients"], &told["groups"][0]["clients"]), (&0.into(), &0.into()));
     let mut status = dcd(&["status", "--watch", "--server", &server.address, "--data"]);
     let mut watching = Process::start(status.arg(server.data()));

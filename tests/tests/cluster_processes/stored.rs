@@ -1,4 +1,4 @@
-//! Tests what a server leaves in its data folder, and how the next one goes on with it.
+//! Tests what a server leaves in its data folder, and how the next server goes on with it.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -8,13 +8,13 @@ use dcd::runtime::{WorldEnd, end_world};
 
 use crate::process::{LIMIT, PROGRAM, Process, Server, dcd, playground};
 
-/// A server process with these options on the data folder of another, which has ended.
+/// Starts a server with these options on the data folder of another server, which has ended.
 fn serve(server: &Server, args: &[&str]) -> Process {
     let mut serve = dcd(&["serve", "--listen", "127.0.0.1:0", "--json", "--data"]);
     Process::start(serve.arg(server.data()).args(args))
 }
 
-/// It goes on with nothing.
+/// Checks that a server begins a new world.
 fn begins(mut process: Process) {
     process.line("listening ");
     process.interrupt();
@@ -31,7 +31,7 @@ fn refused(server: &Server, args: &[&str], expected: &[&str]) {
     }
 }
 
-/// The demo's world after its server was killed; `seconds` go by before.
+/// Returns the demo's world after its server was killed, `seconds` after the world began.
 fn killed(seconds: f32) -> Server {
     let mut server = Server::playground("1");
     let (_, mut node) = server.node();
@@ -47,7 +47,7 @@ fn a_server_says_from_which_tick_it_goes_on_and_an_ended_world_is_forgotten() {
     let mut server = killed(4.0);
     let tick = server.restart();
     assert!(tick > 60, "it is written down every two seconds where bodies are, not at tick {tick}");
-    // Another crash changes nothing about that.
+    // Another crash does not change that.
     server.process.kill();
     let now = server.restart();
     assert!(now >= tick);
@@ -71,7 +71,7 @@ fn every_signal_stops_the_server_and_keeps_the_world() {
         let now = server.restart();
         assert!(now >= last, "{signal}: {now} after {last}");
         last = now;
-        // The node has computed on, and is back in its view.
+        // The node has computed on, and is back in the server's view.
         assert!(server.view().contains(&format!("{name} r1 r2")), "{signal}");
     }
     server.stop();
@@ -93,8 +93,8 @@ fn a_terminal_that_is_gone_ends_no_world() {
     BufReader::new(deaf.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(line.starts_with("listening "), "{line}");
     drop(deaf.stderr.take());
-    // It cannot print the membership, and what it says at its end. Nothing is kept before a tick is computed, which
-    // only a client can tell here.
+    // The server can print neither the view nor its summary. Nothing is kept before a tick is computed, and
+    // here only a client can tell when one is.
     let (_, _node) = server.node();
     server.witness().leave();
     let hung_up = Command::new("kill").args(["-HUP", &deaf.id().to_string()]).status().unwrap();
@@ -104,11 +104,11 @@ fn a_terminal_that_is_gone_ends_no_world() {
     server.stop();
 }
 
-/// Waits until a process is gone that nobody here is the parent of.
+/// Waits until a process has ended that is no child of this one.
 #[cfg(target_os = "linux")]
 fn gone(id: &str) {
     let deadline = Instant::now() + LIMIT;
-    // One that nobody has waited for yet is gone, too.
+    // A zombie has ended, too.
     let runs = || {
         let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
         !status.is_empty() && !status.contains("State:\tZ")
@@ -119,7 +119,8 @@ fn gone(id: &str) {
     }
 }
 
-/// A server that goes on with a stored world at a terminal of its own, which `script` gives it, and where Ctrl-C has been pressed.
+/// A server that goes on with a stored world at a terminal of its own, provided by `script`, in which Ctrl-C
+/// has been pressed.
 #[cfg(target_os = "linux")]
 struct AtTerminal {
     terminal: std::process::Child,
@@ -153,9 +154,9 @@ impl AtTerminal {
         let mut keys = terminal.stdin.take().unwrap();
         keys.write_all(b"\x03").unwrap();
         line("Ctrl-C again ends it");
-        // What is said later nobody reads, and a full pipe would hold it up.
+        // Reads the further output, so that a full pipe does not block the server.
         std::thread::spawn(move || lines.for_each(drop));
-        // What comes within 200 ms is the same press; within two seconds, another.
+        // A second Ctrl-C within 200 ms counts as the same press; within two seconds, as another.
         std::thread::sleep(Duration::from_millis(400));
         Self { terminal, keys, id }
     }
@@ -181,11 +182,11 @@ fn ctrl_c_pressed_again_ends_the_world() {
     at.keys.write_all(b"\x03").unwrap();
     assert_eq!(at.terminal.wait().unwrap().code(), Some(130));
     gone(&at.id);
-    // There is no world to go on with: the next begins.
+    // There is no stored world any more, so the next server begins one.
     begins(serve(&server, &[playground().to_str().unwrap()]));
 }
 
-/// As `nohup` does.
+/// As `nohup` starts it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_signal_that_the_server_was_started_to_ignore_stays_ignored() {
@@ -267,7 +268,7 @@ fn another_world_than_the_stored_one_is_refused() {
     let other = ["another world that has not ended", "the same scene with the same options"];
     refused(&server, &["tower"], &other);
     refused(&server, &[scene, "--regions", "4"], &other);
-    // Of the same size, and cut alike.
+    // A scene of the same size, cut the same way.
     let same_size = server.folder.path().join("other.toml");
     let text = std::fs::read_to_string(scene).unwrap();
     let changed = text.replacen("density = 4.0", "density = 5.0", 1);

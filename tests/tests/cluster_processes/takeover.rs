@@ -1,10 +1,10 @@
-//! Tests kill -9 of nodes: what the others do, and how long the world stands still.
+//! Tests kill -9 of nodes: what the other nodes do, and how long the world stands still.
 
 use std::time::Duration;
 
 use crate::process::{Server, alone};
 
-/// The bound.
+/// The longest time until a killed node's regions go on elsewhere.
 const TAKEOVER: Duration = Duration::from_secs(3);
 
 #[test]
@@ -23,7 +23,7 @@ fn a_killed_node_is_taken_over_within_three_seconds_and_nothing_is_lost() {
         assert!(view.contains(&format!("{survivor} r1 r2; {survivor} leads")), "{view}");
         println!("{victim} killed: the world stood still for {:.2} s", stood.as_secs_f64());
         assert!(stood < TAKEOVER, "{victim}: {stood:?}");
-        // The avatar is where it would be had nothing happened, less what the world stood still.
+        // The avatar is still in the world.
         assert!(witness.world.body(witness.avatar).is_some());
         witness.leave();
         let served = server.stop();

@@ -1,4 +1,4 @@
-//! Tests processes of unequal versions: they refuse each other, and both versions are named at both ends.
+//! Tests processes of different versions: they refuse each other, and both ends name both versions.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ fn start(identity: Identity, authority: Option<Arc<Authority>>) -> (Net, NetEven
     Net::start(NetConfig { listen, identity, authority, renewed_by, limits: Limits::default() }).unwrap()
 }
 
-/// Greets a server so, and returns why it does not take the node.
+/// Sends a server this greeting, and returns why the server refuses the node.
 fn refusal(server: &Server, greeting: &[u8]) -> String {
     let address: SocketAddr = server.address.parse().unwrap();
     let identity = JoinConfig::new(address, server.token("node")).join(JoinRole::Node).unwrap();
@@ -36,7 +36,7 @@ fn a_server_refuses_a_node_of_another_version_and_both_are_told_both_versions() 
     let server = Server::start(&["tower"]);
     let role = JoinAs::Node { address: "127.0.0.1:9".parse().unwrap(), client: None, resume: None, heard: 0 };
     let before = Message::Hello(Hello { version: VERSION - 1, role });
-    // One that greets otherwise.
+    // A version with another form of greeting.
     let after = [protocol::encode_value(&(0_u32, VERSION + 1)), vec![250; 9]].concat();
     for (greeting, theirs) in [(protocol::encode(&before), VERSION - 1), (after, VERSION + 1)] {
         let reason = refusal(&server, &greeting);

@@ -1,5 +1,6 @@
-//! Tests what the manual's page *operating* tells an operator to do, one after the other in one world: two servers over etcd, three nodes, by the
-//! files of options of `packaging/`; status, drain, upgrades of a node and of the active server, and kill -9 of both.
+//! Tests the operator's steps of the manual's page *operating*, one after the other in one world: two servers
+//! over etcd and three nodes, with the option files of `packaging/`; status, drain, upgrades of a node and of
+//! the active server, and kill -9 of both.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,21 +13,21 @@ use serde_json::Value;
 use crate::process::{LIMIT, Process, alone, dcd};
 use crate::witness::Witness;
 
-/// A world that loses no node stands no longer, on a busy machine.
+/// The longest time that a world which loses no node may stand still, on a busy machine.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Until a killed node's regions go on elsewhere.
+/// The longest time until a killed node's regions go on elsewhere.
 const TAKEOVER: Duration = Duration::from_secs(3);
-/// The scene's, with the avatar of who watches.
+/// The number of bodies: those of the scene, and the watching client's avatar.
 const BODIES: u64 = 155 + 1;
 
-/// A folder per machine, as the manual sets them up.
+/// The folders of the machines, one per machine, as the manual sets them up.
 struct Machines {
     root: tempfile::TempDir,
     servers: [String; 2],
 }
 
 impl Machines {
-    /// Writes the options of two servers of one world: those that are shipped, with a region for each node.
+    /// Writes the options of two servers of one world: the shipped options, with one region per node.
     fn new(etcd: &EtcdCluster) -> Self {
         let machines = Self {
             root: tempfile::tempdir().unwrap(),
@@ -92,14 +93,14 @@ impl Machines {
         Process::start(command.arg(self.folder(number).join("server.toml")))
     }
 
-    /// Starts a node by the command of all its starts; its name.
+    /// Starts a node, always with the same command. Returns its name and process.
     fn node(&self, number: usize) -> (String, Process) {
         let mut command = dcd(&["node", "--json", "--threads", "1", "--config"]);
         let mut node = Process::start(command.arg(self.folder(number).join("node.toml")));
         (node.line("joined as "), node)
     }
 
-    /// What a command beside a server says: its lines.
+    /// Runs a command on a server's machine, and returns the lines that it prints.
     fn ask(&self, server: usize, args: &[&str]) -> Vec<String> {
         let ended = Process::start(dcd(args).arg("--data").arg(self.data(server))).end();
         assert_eq!(ended.code(), Some(0), "{args:?}: {ended:?}");
@@ -111,7 +112,8 @@ impl Machines {
         serde_json::from_str(lines.last().unwrap()).unwrap()
     }
 
-    /// Waits until `dcd status` shows these nodes at work and no other, and all bodies; how the world stands meanwhile.
+    /// Waits until `dcd status` shows exactly these nodes at work, and all bodies. Returns the longest time
+    /// that the world stood still meanwhile.
     fn are_at_work(&self, server: usize, names: &[&str], witness: &Witness) -> Duration {
         let is_so = || {
             let status = self.status(server);
@@ -150,7 +152,7 @@ fn an_operator_with_the_manual_drains_upgrades_and_loses_nodes_and_servers_and_n
     let _alone = alone();
     let Some(etcd) = EtcdCluster::start(3) else { return };
     let machines = Machines::new(&etcd);
-    // Setting it up.
+    // Setup.
     let mut first = machines.server(0);
     first.line("listening ");
     let mut second = machines.server(1);
@@ -167,7 +169,7 @@ fn an_operator_with_the_manual_drains_upgrades_and_loses_nodes_and_servers_and_n
     let names: Vec<_> = nodes.iter().map(|(name, _)| name.clone()).collect();
     let all: Vec<_> = names.iter().map(String::as_str).collect();
     machines.are_at_work(0, &all, &witness);
-    // Taking a node out, and in again: an upgrade.
+    // A node is drained and started again, as for an upgrade.
     let drained = std::thread::scope(|scope| {
         let drain = scope.spawn(|| machines.ask(0, &["drain", all[1]]));
         let stood = witness.watch_until(|| drain.is_finished());
@@ -196,7 +198,7 @@ fn an_operator_with_the_manual_drains_upgrades_and_loses_nodes_and_servers_and_n
     let server_killed = took_over.max(machines.are_at_work(1, &all, &witness));
     let mut first = machines.server(0);
     first.line("standing by for ");
-    // The other one is upgraded in turn: it hands over.
+    // The other server is upgraded in turn: it hands over.
     second.interrupt();
     assert_eq!(second.end().code(), Some(0));
     first.line("going on with the world at tick ");
@@ -212,7 +214,7 @@ fn an_operator_with_the_manual_drains_upgrades_and_loses_nodes_and_servers_and_n
         assert!(stood < PAUSE, "{stood:?}");
     }
     assert!(killed < TAKEOVER, "{killed:?}");
-    // Who joins now is let in as before.
+    // A new client is admitted as before.
     let token = machines.ask(0, &["token", "--role", "client"]).remove(0);
     let args = ["client", "--seconds", "0.5", "--server", &machines.both(), "--token", &token];
     assert_eq!(Process::start(&mut dcd(&args)).end().code(), Some(0));

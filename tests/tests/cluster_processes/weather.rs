@@ -1,4 +1,5 @@
-//! Tests real processes over a bad network: loss, delay, cuts, and kills in bad weather. Everybody speaks through the proxy.
+//! Tests real processes over a bad network: loss, delay, cuts, and kills in bad weather. All traffic goes
+//! through the proxy.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -7,12 +8,13 @@ use crate::process::{Process, Server, alone, dcd};
 use crate::witness::{Sight, Witness};
 use dcd_tests::proxy::{Proxy, Weather, free_address};
 
-/// Until a world that lost a node, or has it again, goes on.
+/// The longest time until a world goes on that lost a node, or has it again.
 const TAKEOVER: Duration = Duration::from_secs(3);
-/// The same in the worst weather: QUIC gives nobody up sooner than after three probes' times, which grow with delay and jitter, and
-/// each of the six messages of a view change that is lost costs such a time.
+/// The same in the worst weather: QUIC gives up a peer only after three probe timeouts, which grow with delay
+/// and jitter. Each lost one of a view change's six messages costs such a time.
 const TAKEOVER_IN_A_STORM: Duration = Duration::from_secs(5);
-/// No older is what a client is shown of the world, in 99 % of the time, where one packet in twenty is lost.
+/// The greatest age of what a client is shown of the world, in 99 % of the time, at a loss of one packet in
+/// twenty.
 const STALE: Duration = Duration::from_millis(250);
 const LOSS: Weather =
     Weather { loss: 0.05, delay: Duration::ZERO, jitter: Duration::ZERO, reorder: 0.0, duplicate: 0.0 };
@@ -37,12 +39,12 @@ struct Cluster {
 struct Far {
     name: String,
     process: Process,
-    /// Where it truly listens.
+    /// The address on which it really listens.
     address: SocketAddr,
 }
 
 impl Cluster {
-    /// The demo's world with two nodes, n1 leading; everybody joins in good weather.
+    /// Starts the demo's world with two nodes, of which n1 leads. All join in good weather.
     fn start(seed: u64) -> Self {
         let proxy = Proxy::start(seed);
         let mut server = Server::playground("2");
@@ -62,19 +64,20 @@ impl Cluster {
         Self { proxy, server, nodes, witness }
     }
 
-    /// Nothing goes from or to this process.
+    /// Blocks all packets from and to this process.
     fn isolate(&self, address: SocketAddr) {
         self.proxy.cut(Some(address), None);
         self.proxy.cut(None, Some(address));
     }
 
-    /// All is reached again; something was not.
+    /// Ends all cuts, which must have stopped something.
     fn heal(&self) {
         assert!(self.proxy.traffic().cut > 0, "nothing was cut off: {:?}", self.proxy.traffic());
         self.proxy.heal();
     }
 
-    /// Clear weather again, and the end: nothing lost, nothing doubled; so many views.
+    /// Ends the world in clear weather, and checks that nothing is lost or doubled. If `views` is given,
+    /// there must have been that many views.
     fn end(self, views: Option<u64>) {
         self.proxy.set(Weather::default());
         self.witness.advance(30);
@@ -93,38 +96,42 @@ impl Cluster {
     }
 }
 
-/// What a weather may do to a world of two nodes in lockstep.
+/// The bounds for a world of two nodes in lockstep in some weather.
 ///
-/// What its client sees (this machine, 5 s, an avatar told to go 0.5 m/s, told of after every third tick):
-/// - loss: 59 ticks a second; no picture stays for longer than 0.13 s, none is speculative.
-/// - delay: 4 to 5 ticks a second, so that the world goes in slow motion and the ticks that count show a picture every 0.6 to 0.9 s. In each
-///   wait of more than 0.1 s the leader shows speculative ones, at most 0.44 s apart; when the next tick that counts comes, the avatar is
-///   put back by up to 7 cm. A lasting delay is for unsynchronised groups; speculative pictures are for stops.
-/// - storm: 2 to 3 ticks a second; the ticks that count stop for up to 3 s, pictures for up to 1.8 s; put back by up to 0.2 m.
+/// What its client sees (this machine, 5 s, an avatar at 0.5 m/s, states after every third tick):
+/// - loss: 59 ticks per second. No picture stays for longer than 0.13 s, and none is speculative.
+/// - delay: 4 to 5 ticks per second, so the world runs in slow motion, and ticks that count show a picture
+///   every 0.6 to 0.9 s. In each wait of more than 0.1 s the leader shows speculative ones, at most 0.44 s
+///   apart. When the next tick that counts comes, the avatar is put back by up to 7 cm. A lasting delay calls
+///   for unsynchronised groups; speculative pictures are for stops.
+/// - storm: 2 to 3 ticks per second. Ticks that count stop for up to 3 s, pictures for up to 1.8 s; the
+///   avatar is put back by up to 0.2 m.
 struct Pace {
     least_ticks_per_s: f64,
     longest_stop: Duration,
-    /// Whether every tick takes longer than the leader waits without showing what it guesses.
+    /// Whether every tick takes longer than the leader waits before it shows speculative ticks.
     is_guessed: bool,
 }
 
-/// A loss costs a round trip on loopback, and so does not show.
+/// On loopback a loss costs only a round trip, and so does not show.
 const IN_LOSS: Pace =
     Pace { least_ticks_per_s: 15.0, longest_stop: Duration::from_secs(1), is_guessed: false };
-/// One packet in five: what is said again is lost again.
+/// At a loss of one packet in five, repeated messages are lost, too.
 const IN_HEAVY_LOSS: Pace =
     Pace { least_ticks_per_s: 5.0, longest_stop: Duration::from_secs(3), is_guessed: false };
 /// A tick takes one delay from node to node, and one from the leader and back.
 const IN_DELAY: Pace =
     Pace { least_ticks_per_s: 1.5, longest_stop: Duration::from_secs(2), is_guessed: true };
-/// A tick takes two delays. What is lost is said again before QUIC notices: 10 to 13 ticks a second (two busy cores), 7 where it was not.
+/// A tick takes two delays. Lost messages are repeated before QUIC notices the loss: 10 to 13 ticks per
+/// second (two busy cores), 7 without the repetition.
 const IN_LOSS_FAR_AWAY: Pace =
     Pace { least_ticks_per_s: 8.5, longest_stop: Duration::from_secs(1), is_guessed: false };
-/// QUIC notices a loss in so thin a stream by its probes alone, and waits twice as long for each next one; not all is said twice.
+/// In so thin a stream QUIC notices a loss by its probes alone, and doubles the wait before each next probe.
+/// Not all messages are sent twice.
 const IN_A_STORM: Pace =
     Pace { least_ticks_per_s: 0.5, longest_stop: Duration::from_secs(8), is_guessed: true };
 
-/// The world goes on for so long in this weather, and nobody is given up.
+/// Runs the world for this long in this weather, and checks that no process is given up.
 fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) -> Sight {
     let cluster = Cluster::start(seed);
     cluster.proxy.set(weather);
@@ -155,7 +162,7 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) -> Sight {
 #[test]
 fn a_loss_of_five_percent_gives_nobody_up_and_what_is_shown_is_new() {
     let _alone = alone();
-    // Whom the machine itself keeps waiting gets a second chance.
+    // The machine itself may delay a run, so there is a second attempt.
     let stale = || goes_on(1, LOSS, IN_LOSS, Duration::from_secs(5)).stale_p99;
     let first = stale();
     assert!(first < STALE || stale() < STALE, "{first:?}");
@@ -205,7 +212,7 @@ fn a_minute_of_each_weather_gives_nobody_up() {
     }
 }
 
-/// A node dies in this weather; until its regions are another's.
+/// Kills a node in this weather. Returns the time until another node has its regions.
 fn reallocated(seed: u64, weather: Weather) -> Duration {
     let mut cluster = Cluster::start(seed);
     cluster.proxy.set(weather);
@@ -224,7 +231,7 @@ fn reallocated(seed: u64, weather: Weather) -> Duration {
 
 fn is_taken_over_within(bound: Duration, weather: Weather) {
     let _alone = alone();
-    // Whom the machine itself keeps waiting gets a second chance.
+    // The machine itself may delay a run, so there is a second attempt.
     let first = reallocated(4, weather);
     assert!(first < bound || reallocated(4, weather) < bound, "{first:?}");
 }
@@ -254,13 +261,14 @@ fn a_cut_of_a_second_is_waited_for() {
     let stood = cluster.witness.watch_for(Duration::from_secs(2));
     println!("the world stood still for {stood:.2?} after the cut");
     assert!(stood < TAKEOVER, "{stood:?}");
-    // Links that broke are made anew, and then all is compared: there may be views, of the same two.
+    // Broken links are made again, and then all is compared: there may be new views, of the same two nodes.
     let views = cluster.server.process.heard().into_iter().filter(|line| line.starts_with("view "));
     views.for_each(|view| assert!(view.contains("n1 r1, n2 r2; n1 leads"), "{view}"));
     cluster.end(None);
 }
 
-/// A node is cut off for longer than anybody waits, and is back among the others when the cut heals.
+/// Cuts a node off for longer than others wait for it, and checks that it is back among them when the cut
+/// heals.
 fn is_back_after(time: Duration, cut: impl Fn(&Cluster, SocketAddr)) {
     let _alone = alone();
     let mut cluster = Cluster::start(6);

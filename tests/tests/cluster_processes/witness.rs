@@ -10,14 +10,15 @@ use rapier3d::prelude::*;
 
 use crate::process::LIMIT;
 
-/// What joins the server at one of these addresses, which are separated by commas.
+/// Returns the configuration to join the server at one of these addresses, separated by commas.
 pub(crate) fn joining(servers: &str, token: String) -> JoinConfig {
     let mut addresses = servers.split(',').map(|address| address.parse().unwrap());
     let first = JoinConfig::new(addresses.next().unwrap(), token);
     JoinConfig { standbys: addresses.collect(), timeout: LIMIT, ..first }
 }
 
-/// Its avatar is in the first region, is told of after every third tick, and goes sideways.
+/// A client that watches. Its avatar begins in the first region and moves sideways; states of it come after
+/// every third tick.
 pub(crate) struct Witness {
     pub(crate) world: ClientWorld,
     pub(crate) avatar: BodyId,
@@ -25,7 +26,7 @@ pub(crate) struct Witness {
 
 impl Witness {
     pub(crate) fn join(servers: &str, token: String) -> Self {
-        // A node waits without end, and who watches one waits with it.
+        // Nodes wait for the server without end, and so must a client that watches them.
         let config = JoinConfig { give_up: Some(Duration::from_secs(3600)), ..joining(servers, token) };
         let mut world = ClientWorld::connect(&config).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
@@ -40,8 +41,8 @@ impl Witness {
         witness
     }
 
-    /// Takes its avatar out of the world, and goes. Who only goes says so once, and a server that is just back may not know yet who that is:
-    /// then the avatar stays until it expires.
+    /// Removes its avatar from the world, and leaves. A client that only leaves says so once, and a server
+    /// that has just come back may not know the client yet; the avatar would then stay until it expires.
     pub(crate) fn leave(self) {
         self.world.despawn(self.avatar).unwrap();
         let start = Instant::now();
@@ -53,7 +54,7 @@ impl Witness {
         }
     }
 
-    /// The newest tick that counts: speculative ones do not.
+    /// Returns the newest tick that counts: speculative ones do not.
     pub(crate) fn tick(&self) -> u64 {
         self.view().settled_tick().0
     }
@@ -62,7 +63,8 @@ impl Witness {
         self.world.body(self.avatar).expect("the avatar stays in the world")
     }
 
-    /// Watches so many ticks, and says how long the world stood still at most: a tick needs every region.
+    /// Watches this many ticks, and returns the longest time that the world stood still: a tick needs every
+    /// region.
     pub(crate) fn advance(&self, ticks: u64) -> Duration {
         let goal = self.tick() + ticks;
         self.watch(|tick, _| tick >= goal).stood
@@ -73,17 +75,17 @@ impl Witness {
         self.watch(|tick, _| tick >= goal);
     }
 
-    /// Watches for so long, and says how long the world stood still at most.
+    /// Watches for this long, and returns the longest time that the world stood still.
     pub(crate) fn watch_for(&self, time: Duration) -> Duration {
         self.see_for(time).stood
     }
 
-    /// Watches until something is done, and says how long the world stood still at most.
+    /// Watches until something is done, and returns the longest time that the world stood still.
     pub(crate) fn watch_until(&self, mut is_done: impl FnMut() -> bool) -> Duration {
         self.watch(|_, _| is_done()).stood
     }
 
-    /// Watches for so long.
+    /// Watches for this long, and returns what it saw.
     pub(crate) fn see_for(&self, time: Duration) -> Sight {
         self.watch(|_, since| since >= time)
     }
@@ -122,19 +124,20 @@ impl Witness {
 pub(crate) struct Sight {
     /// The longest time between two ticks that count.
     pub(crate) stood: Duration,
-    /// How old the newest tick that counts was at most in 99 % of the time, since it came.
+    /// The greatest age of the newest tick that counts, since it came, in 99 % of the time.
     pub(crate) stale_p99: Duration,
-    /// The longest time between two pictures, speculative ones too.
+    /// The longest time between two pictures, speculative ones included.
     pub(crate) frozen: Duration,
-    /// Speculative pictures.
+    /// The number of speculative pictures.
     pub(crate) guesses: u64,
-    /// How far the avatar was put back at most when a guess was over, metres: it goes half a metre a second.
+    /// The longest way that the avatar was put back after a speculative picture, metres. The avatar moves at
+    /// 0.5 m/s.
     pub(crate) back_m: f64,
-    /// How often it was shown a tick that counts and is older than one that it had been shown.
+    /// How often it was shown a tick that counts and is older than one shown before.
     pub(crate) older: u64,
 }
 
-/// The times without something.
+/// The gaps between events.
 struct Longest {
     since: Instant,
     longest: Duration,
@@ -156,12 +159,12 @@ impl Longest {
         self.since = Instant::now();
     }
 
-    /// How long it had lasted, at any moment but for this share of the time.
+    /// Returns the age that the current gap had not reached at any moment, except for this share of the time.
     fn age_but_for(&self, share: f64) -> Duration {
         let mut gaps: Vec<_> = self.gaps.iter().chain([&self.lasts()]).map(Duration::as_secs_f64).collect();
         gaps.sort_by(f64::total_cmp);
         let allowed = share * gaps.iter().sum::<f64>();
-        // Of each gap that is longer than an age, what is beyond it counts.
+        // Of each gap that is longer than an age, the time beyond that age counts.
         let beyond = |age: f64| gaps.iter().map(|gap| (gap - age).max(0.0)).sum::<f64>();
         let (mut below, mut above) = (0.0, gaps.last().copied().unwrap_or(0.0));
         for _ in 0..40 {

@@ -1,11 +1,11 @@
-//! Tests that errors are told with their cause and remedy, and that nothing hangs.
+//! Tests that errors name their cause and a remedy, and that nothing hangs.
 
 use std::net::{TcpListener, UdpSocket};
 use std::time::{Duration, Instant};
 
 use crate::process::{LIMIT, Process, Server, dcd};
 
-/// What a command that must fail says.
+/// Returns the error output of a command that must fail.
 fn error(args: &[&str], code: i32) -> String {
     let ended = Process::start(&mut dcd(args)).end();
     assert_eq!(ended.code(), Some(code), "{args:?}: {ended:?}");
@@ -77,7 +77,7 @@ fn a_server_that_cannot_start_says_why() {
 fn a_folder_that_cannot_be_looked_into_is_not_taken_for_an_empty_one() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("loop");
-    // As that of another user: whether something is in it cannot be said.
+    // Stands for a folder of another user, whose content cannot be read.
     std::os::unix::fs::symlink(&data, &data).unwrap();
     for args in [
         &["end"][..],
@@ -117,13 +117,13 @@ fn a_process_that_is_not_let_in_says_why() {
     let mut elsewhere = dcd(&["token", "--new", "--role", "node", "--data"]);
     let foreign = Process::start(elsewhere.arg(server.folder.path().join("other"))).end().lines[0].clone();
     has(&join("node", &foreign, 1), &["check the address", "token"]);
-    // It can be used once.
+    // A token can be used once.
     let mut node = Process::start(&mut dcd(&["node", "--server", &server.address, "--token", &good]));
     node.line("joined as ");
     has(&join("node", &good, 2), &["has been used already", "dcd token"]);
     let mut short = dcd(&["token", "--role", "client", "--valid", "1s", "--data"]);
     let short = Process::start(short.arg(server.data())).end().lines[0].clone();
-    // Whole seconds are compared: one that is valid for a second may last for two.
+    // Times are compared in whole seconds: a token valid for a second may last for two.
     std::thread::sleep(Duration::from_millis(2_100));
     has(&join("client", &short, 2), &["has expired", "dcd token"]);
     let fast = ["client", "--server", &server.address, "--token", &server.token("client"), "--speed", "99"];
@@ -163,7 +163,7 @@ fn a_server_that_is_not_there_or_goes_away_is_named() {
     client.line("joined as ");
     server.process.kill();
     let killed = Instant::now();
-    // A client's links are calm: it may miss its node, which has given up, before the server.
+    // A client notices a lost link late: it may miss its node, which has given up, before the server.
     let of_server = [&*server.address, "start it again", "a new token"];
     for (process, waited, parts) in [(&mut node, "2", &of_server[..]), (&mut client, "2.5", &[])] {
         let ended = process.end_within(LIMIT);

@@ -1,8 +1,9 @@
-//! Runs a scene in one bare Rapier world, and cut at x = 0: what Rapier offers must come out alike, and must matter in the scene.
+//! Runs a scene in one bare Rapier world, and cut at x = 0. Features of Rapier must give the same result, and
+//! must matter in the scene.
 
 use super::*;
 
-/// Bodies, joints between them by their places in the list, and how they are stepped.
+/// A scene: bodies, joints between them by their places in the list, and how they are stepped.
 #[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) bodies: Vec<(RigidBodyBuilder, Vec<ColliderBuilder>)>,
@@ -13,7 +14,7 @@ pub(crate) struct Setup {
 }
 
 impl Setup {
-    /// Nothing but a floor without friction, under Earth's gravity.
+    /// Returns a scene with nothing but a floor without friction, under Earth's gravity.
     pub(crate) fn on_floor(ticks: usize) -> Self {
         let mut setup = Self::weightless(ticks);
         setup.gravity = Vector::Y * -9.81;
@@ -26,13 +27,13 @@ impl Setup {
         Self { bodies: Vec::new(), joints: Vec::new(), gravity: Vector::ZERO, parameters, ticks }
     }
 
-    /// Adds a body; returns its place in the list.
+    /// Adds a body, and returns its place in the list.
     pub(crate) fn push(&mut self, body: RigidBodyBuilder, collider: ColliderBuilder) -> usize {
         self.bodies.push((body, vec![collider]));
         self.bodies.len() - 1
     }
 
-    /// Where all bodies end in a world of Rapier's own.
+    /// Returns the final poses of all bodies in a bare Rapier world.
     pub(crate) fn bare(&self) -> Vec<Pose> {
         let mut world = PhysicsWorld::new();
         (world.gravity, world.integration_parameters) = (self.gravity, self.parameters);
@@ -72,7 +73,8 @@ impl Setup {
         (world, ids)
     }
 
-    /// Where all bodies end in a partitioned world, and whether regions ever had to do with each other's bodies.
+    /// Returns the final poses of all bodies in a partitioned world, and whether any body was ever a ghost or
+    /// transferred.
     pub(crate) fn partitioned(&self, config: WorldConfig) -> (Vec<Pose>, bool) {
         let (mut world, ids) = self.world(config);
         let mut met = false;
@@ -89,7 +91,8 @@ impl Setup {
     }
 }
 
-/// How far two ends of a scene are apart: the most that any body's place and a point 1 m from it differ, in metres.
+/// Returns the distance of two ends of a scene, metres: the greatest difference of any body's place, or of a
+/// point 1 m from it.
 pub(crate) fn apart(a: &[Pose], b: &[Pose]) -> f32 {
     assert_eq!(a.len(), b.len());
     let points = [Vector::ZERO, Vector::X, Vector::Y, Vector::Z];
@@ -99,7 +102,8 @@ pub(crate) fn apart(a: &[Pose], b: &[Pose]) -> f32 {
     a.iter().zip(b).map(off).fold(0.0, f32::max)
 }
 
-/// A scene cut at x = 0 ends within `gate_m` of where one bare world ends it, and a scene that lacks the feature ends elsewhere.
+/// Checks that a scene cut at x = 0 ends within `gate_m` of where a bare world ends it, and that it ends
+/// elsewhere without the feature.
 pub(crate) fn as_in_bare_rapier(name: &str, gate_m: f32, with: &Setup, without: &Setup) {
     let bare = with.bare();
     let matters = apart(&bare, &without.bare());

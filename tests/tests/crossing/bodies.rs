@@ -1,9 +1,10 @@
-//! Tests that the properties of bodies and colliders act over a border as in a bare Rapier world.
+//! Tests that the properties of bodies and colliders act across a border as in a bare Rapier world.
 
 use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
-/// A box that runs into another at the border; `change` gives both boxes what is tried.
+/// Returns a scene of a box that runs into another at the border. `change` gives both boxes the property to
+/// be tested.
 fn shove(
     ticks: usize,
     change: impl Fn(RigidBodyBuilder, ColliderBuilder) -> (RigidBodyBuilder, ColliderBuilder),
@@ -45,7 +46,7 @@ fn groups_that_do_not_match_let_boxes_through_each_other() {
     let solver =
         shove(60, |body, collider| (body, collider.solver_groups(to_floor(one, InteractionTestMode::And))));
     as_in_bare_rapier("solver groups", 0.02, &solver, &plain(60));
-    // One side's match is enough: that of the second box.
+    // One match is enough: that of the second box.
     let mut or = and.clone();
     for (place, filter) in [(1, two), (2, one)] {
         let groups = InteractionGroups::new(one, filter, InteractionTestMode::Or);

@@ -1,4 +1,5 @@
-//! Tests what a user changes of a living body at a border: another type, another shape, more colliders, other parameters of the solver.
+//! Tests changes of a living body at a border: its type, its shape, more colliders, and parameters of the
+//! solver.
 
 use dcd::physics::{Region, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};
@@ -149,7 +150,7 @@ fn shapes_that_no_body_has_any_more_are_forgotten() {
         world.remove(debris).unwrap();
     }
     assert!(world.host().shapes().records().len() < 30, "{} shapes", world.host().shapes().records().len());
-    // What is left can be saved, and bodies that come have the shape that was forgotten.
+    // The rest can be saved, and later bodies may have the forgotten shape.
     let mut saved = Vec::new();
     world.save(&mut saved).unwrap();
     let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
@@ -184,7 +185,7 @@ fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
         };
         world.update_collider(grown, 0, grow).unwrap();
         assert!((world.mass_kg(grown).unwrap() - 3.0).abs() < 1e-3, "{coupling:?}");
-        // It goes to the other region, and takes its shape along.
+        // It goes to the other region with its shape.
         world.set_pose(grown, WorldPose::at([2.5, 0.6, 0.0])).unwrap();
         let on_top = world.insert(body_at(2.5, 3.7, 0.0), ColliderBuilder::ball(0.3)).unwrap();
         steps(&mut world, 60);
@@ -233,7 +234,7 @@ fn what_a_refused_shape_comes_with_changes_in_no_copy() {
 #[test]
 fn ground_that_changes_its_shape_or_place_changes_in_every_region() {
     for coupling in Coupling::ALL {
-        // The other region has nothing of ground that lies so far from it, until it grows.
+        // The other region does not hold ground so far from it until the ground grows.
         let mut world = LocalWorld::new(cut(coupling, &[(Axis::X, 30.0)])).unwrap();
         let ground = world.insert(fixed_at(-0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
         let far: Vec<_> = [8.0, 45.0].map(|x| world.insert(body_at(x, 1.0, 0.0), cube()).unwrap()).into();
@@ -278,7 +279,7 @@ fn a_collider_comes_to_a_shared_body_and_goes_again() {
     }
 }
 
-/// Parameters that are none of Rapier's own.
+/// Returns parameters that all differ from Rapier's.
 fn unusual() -> IntegrationParameters {
     IntegrationParameters {
         contact_softness: SpringCoefficients::new(8.0, 1.0),
@@ -291,7 +292,7 @@ fn unusual() -> IntegrationParameters {
     }
 }
 
-/// Boxes dropped in a heap.
+/// Returns a scene of boxes dropped in a heap.
 fn heap(parameters: IntegrationParameters) -> Setup {
     let mut setup = Setup::on_floor(90);
     setup.bodies[0].1[0] = ColliderBuilder::cuboid(60.0, 0.5, 60.0);
@@ -347,7 +348,7 @@ fn parameters_that_rapier_cannot_use_are_refused_by_name() {
     assert!(error.contains("length_unit"), "{error}");
 }
 
-/// A robot of three links on a fixed base, all at x below 0.
+/// Inserts a robot of three links on a fixed base, all at x below 0.
 fn robot(world: &mut LocalWorld) -> Vec<BodyId> {
     let base = RigidBodyBuilder::fixed().translation(Vector::new(-5.0, 4.0, 0.0));
     let mut bodies = vec![world.insert(base, ColliderBuilder::ball(0.1)).unwrap()];
@@ -413,7 +414,7 @@ fn a_body_that_is_no_number_makes_nothing_go_with_it() {
 #[test]
 fn a_floor_that_a_change_moves_is_there_in_every_region_and_for_who_asks() {
     for coupling in SHARING {
-        // The last region has nothing of a floor that lies so far from it, until its plane moves.
+        // The last region does not hold a floor so far from it until its plane moves.
         let mut world = LocalWorld::new(cut(coupling, &[(Axis::X, 0.0), (Axis::X, 60.0)])).unwrap();
         let floor = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
         let floor = world.insert(floor, ColliderBuilder::cuboid(20.0, 0.5, 5.0)).unwrap();
@@ -479,7 +480,8 @@ fn a_body_that_changes_its_shape_again_weighs_what_it_was_last_given() {
     }
 }
 
-/// The region on the right computes all of a heap whose last layer lies beyond the border, and does not walk through it in every tick.
+/// One region computes a whole heap whose last layers lie beyond the border, and does not walk through the
+/// heap in every tick.
 #[test]
 fn a_body_of_a_large_heap_is_placed_anew_in_any_tick() {
     let mut config = halves(Coupling::Auto);

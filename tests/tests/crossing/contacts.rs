@@ -1,4 +1,4 @@
-//! Tests contact events over borders: each is told once, and with the force of one world.
+//! Tests contact events across borders: each is told once, and with the force of one world.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -104,7 +104,7 @@ fn a_destroyed_sensor_ends_its_contacts_as_a_sensor() {
     }
 }
 
-/// Boxes of 1 kg stacked over a border, which tell of forces above a threshold.
+/// Stacks boxes of 1 kg across a border, which report forces above a threshold.
 fn stack(config: WorldConfig, threshold_n: f32) -> (LocalWorld, BodyId, Vec<BodyId>) {
     let mut world = LocalWorld::new(config).unwrap();
     let floor = insert_floor(&mut world);
@@ -147,7 +147,7 @@ fn a_force_is_told_when_all_shares_together_are_above_the_threshold() {
     for coupling in SHARING {
         let mut config = cut(coupling, &[(Axis::Y, 2.0)]);
         config.step.exchanges = 2;
-        // 9.81, 19.62, 29.43 and 39.24 N press on the boxes.
+        // The boxes bear 9.81, 19.62, 29.43 and 39.24 N.
         for (threshold_n, pairs) in [(15.0, 3), (25.0, 2), (35.0, 1), (45.0, 0)] {
             let (mut world, ..) = stack(config.clone(), threshold_n);
             steps(&mut world, 120);
@@ -158,7 +158,8 @@ fn a_force_is_told_when_all_shares_together_are_above_the_threshold() {
     }
 }
 
-/// Counts in how many ticks how many regions tell of the same pair of a stack over a border, by the number of regions.
+/// Counts for each pair of a stack across a border how many regions report it per tick. Returns the counts by
+/// the number of regions.
 fn tellers(coupling: Coupling) -> BTreeMap<usize, usize> {
     let config = cut(coupling, &[(Axis::Y, 2.0)]);
     let tree = config.tree().unwrap();
@@ -300,13 +301,13 @@ fn owner_and_proxy_tell_each_force_once() {
         assert_eq!(pairs.keys().collect::<Vec<_>>(), [&1], "{}: {pairs:?}", coupling.name());
         assert!(pairs[&1] > 120, "{}: {pairs:?}", coupling.name());
     }
-    // Who splits masses tells what each share bears.
+    // Regions that split masses each report the force on their share.
     assert!(tellers(Coupling::Overlap).contains_key(&2));
 }
 
-/// Rapier 0.36 overlooks forces that are turned on in a step in which another contact ends, and its debug builds stop, as they
-/// must here; `cargo test --release` shows that dcd tells of them. When no build stops any longer, `ContactWatch::remind`, the
-/// limit in dcd/RAPIER.md and what `random_calls.c` lets pass can go.
+/// Rapier 0.36 misses forces that are turned on in a step in which another contact ends. Its debug builds
+/// stop, as they must here; `cargo test --release` shows that dcd reports the forces. When no build stops any
+/// longer, `ContactWatch::remind`, the limit in dcd/RAPIER.md and the exception in `random_calls.c` can go.
 #[test]
 #[cfg_attr(debug_assertions, should_panic(expected = "force-event pair list diverged"))]
 fn forces_turned_on_while_another_contact_ends_are_told_in_a_release_build() {

@@ -1,4 +1,4 @@
-//! Tests violent scenes: nothing is lost, nothing is doubled, and bits do not depend on threads.
+//! Tests violent scenes: nothing is lost or doubled, and bits do not depend on threads.
 
 use std::collections::BTreeSet;
 
@@ -20,7 +20,7 @@ fn heap(coupling: Coupling, threads: usize, island_limit: usize) -> LocalWorld {
     for i in 0..150 {
         let (x, y, z) =
             ((i * 7 % 11) as f32 * 0.6 - 3.3, 1.0 + (i / 15) as f32 * 0.9, (i * 5 % 13) as f32 * 0.5 - 3.1);
-        // Damped, or balls would roll off the floor.
+        // Damped, since balls would otherwise roll off the floor.
         let body = body_at(x, y, z).angular_damping(1.0).linvel(Vector::new(-x * 1.5, -4.0, -z * 1.5));
         let collider = match i % 3 {
             0 => ColliderBuilder::ball(0.3).restitution(0.6),
@@ -44,7 +44,7 @@ fn no_body_of_a_heap_over_eight_regions_is_lost_or_doubled() {
             for &id in &ids {
                 assert_eq!(world.owners_of(id), 1, "{}: {id} at {}", coupling.name(), world.tick());
             }
-            // All that hold a body divide its mass by the same number.
+            // All regions that hold a body divide its mass by the same number.
             for region in world.regions() {
                 for (id, _, handle, body) in region.bodies().filter(|(.., body)| !body.is_fixed()) {
                     let whole = body.mass() * region.share_of(handle) as f32;

@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 
 use super::*;
 
-/// Lets one body through everything, and no sensor notice another.
+/// Lets one body fall through everything, and hides another from all sensors.
 struct Ghosts {
     falls: BodyId,
     unseen: BodyId,
@@ -55,7 +55,7 @@ fn a_body_that_the_user_lets_through_falls_through_a_floor_that_two_regions_hold
     }
 }
 
-/// Moves what lies on it along x.
+/// A belt that moves what lies on it along x.
 struct Belt;
 
 fn carry(contacts: &mut ContactModificationContext<'_>, towards_first: f32) {
@@ -65,7 +65,8 @@ fn carry(contacts: &mut ContactModificationContext<'_>, towards_first: f32) {
     }
 }
 
-/// The velocity is that of the first surface against the second: negative if the box comes first.
+/// Returns the sign of the belt's velocity in a pair. The velocity is that of the first surface against the
+/// second: negative if the box comes first.
 fn sign(first: &Collider) -> f32 {
     if first.user_data == 7 { -1.0 } else { 1.0 }
 }
@@ -84,7 +85,7 @@ impl PhysicsHooks for Belt {
 
 #[test]
 fn a_belt_carries_a_box_over_a_border_as_in_one_world() {
-    // The hooks are those of the box, and must go with it.
+    // The hooks belong to the box, and must go with it to the other region.
     let hooked = || cube().user_data(7).active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS);
     let mut bare = PhysicsWorld::new();
     bare.insert(fixed_at(-0.5), ColliderBuilder::cuboid(60.0, 0.5, 60.0));
@@ -107,7 +108,7 @@ fn a_belt_carries_a_box_over_a_border_as_in_one_world() {
     }
 }
 
-/// Lets bodies through a platform from below.
+/// A platform that lets bodies through from below.
 struct OneWay;
 
 impl ContactHooks for OneWay {

@@ -1,9 +1,9 @@
-//! Tests joints whose ends several regions hold.
+//! Tests joints whose bodies several regions hold.
 
 use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
-/// Two bodies with the border between them, tied.
+/// Inserts two bodies with the border between them, tied by this joint.
 fn tied(world: &mut LocalWorld, joint: impl Into<GenericJoint>) -> (BodyId, BodyId, dcd::space::JointId) {
     let a = world.insert(body_at(-0.75, 0.0, 0.0).can_sleep(false), cube().density(2.0)).unwrap();
     let b = world.insert(body_at(0.75, 0.0, 0.0).can_sleep(false), cube()).unwrap();
@@ -53,7 +53,7 @@ fn kinds() -> Vec<(&'static str, GenericJoint)> {
                 .build()
                 .into(),
         ),
-        // What a pin in a slot is: Rapier has no builder of it in 3D.
+        // A pin in a slot, for which Rapier has no builder in 3D.
         (
             "pin in a slot",
             GenericJointBuilder::new(JointAxesMask::all() & !(JointAxesMask::LIN_X | JointAxesMask::ANG_Z))
@@ -258,7 +258,7 @@ fn small_assemblies_move_whole_under_island() {
             steps(&mut world, 1);
             let home = world.owner_of(links[0]);
             assert!(links.iter().all(|&link| world.owner_of(link) == home), "torn at {}", world.tick());
-            // A user holds its ids all the while.
+            // Meanwhile a user changes a link by its id.
             world.update(links[3], |body| body.apply_impulse(Vector::new(0.0, 0.0, 1e-7), true)).unwrap();
             homes += usize::from(last != home);
             last = home;

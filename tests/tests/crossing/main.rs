@@ -1,4 +1,4 @@
-//! Tests what crosses borders: whatever happens to a body that several regions share must be what happens to it in one world.
+//! Tests what crosses borders: a body that several regions share must behave as in one world.
 
 mod bare;
 mod bodies;
@@ -20,22 +20,23 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId};
 use rapier3d::prelude::*;
 
-/// Couplings that split masses.
+/// The couplings that split masses.
 const SHARING: [Coupling; 3] = [Coupling::Overlap, Coupling::Island, Coupling::Auto];
 
-/// One region, which steps once per tick.
+/// Returns the configuration of one region, which steps once per tick.
 fn one_world() -> WorldConfig {
     let step = StepSettings { exchanges: 1, ..StepSettings::default() };
     WorldConfig { partitioning: Partitioning::Regions(1), step, ..WorldConfig::default() }
 }
 
-/// Regions that meet at these planes. No island moves whole: what is at a border is shared.
+/// Returns the configuration of regions that meet at these planes. No island moves whole, so bodies at a
+/// border are shared.
 fn cut(coupling: Coupling, planes: &[(Axis, f64)]) -> WorldConfig {
     let step = StepSettings { island_limit: 0, ..StepSettings::default().with_coupling(coupling) };
     WorldConfig { partitioning: Partitioning::Cuts(planes.to_vec()), step, ..WorldConfig::default() }
 }
 
-/// Two regions that meet at x = 0.
+/// Returns the configuration of two regions that meet at x = 0.
 fn halves(coupling: Coupling) -> WorldConfig {
     cut(coupling, &[(Axis::X, 0.0)])
 }
@@ -53,7 +54,7 @@ fn fixed_at(y: f32) -> RigidBodyBuilder {
     RigidBodyBuilder::fixed().translation(Vector::new(0.0, y, 0.0))
 }
 
-/// 1 m wide, 1 kg.
+/// Returns a cube 1 m wide, of 1 kg.
 fn cube() -> ColliderBuilder {
     ColliderBuilder::cuboid(0.5, 0.5, 0.5)
 }
@@ -63,7 +64,7 @@ fn insert_floor(world: &mut LocalWorld) -> BodyId {
     world.insert(body, ColliderBuilder::cuboid(60.0, 0.5, 60.0)).unwrap()
 }
 
-/// Steps and checks that every movable body has one owner.
+/// Steps, and checks that every movable body has one owner.
 fn steps(world: &mut LocalWorld, count: usize) {
     for _ in 0..count {
         world.step().unwrap();
@@ -73,7 +74,7 @@ fn steps(world: &mut LocalWorld, count: usize) {
     }
 }
 
-/// By how many regions the mass of a body is divided.
+/// Returns the number of regions that divide a body's mass.
 fn parts(world: &LocalWorld, id: BodyId) -> usize {
     let (region, handle) = world.host().owned(id).unwrap();
     region.share_of(handle)
@@ -91,7 +92,8 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// Runs the same in one world and in this one; returns how far bodies are apart at the end, at most, in metres.
+/// Runs the same in one world and with this configuration. Returns the greatest distance of a body's two
+/// places at the end, metres.
 fn deviation(config: WorldConfig, run: impl Fn(&mut LocalWorld)) -> f64 {
     let one = WorldConfig {
         partitioning: Partitioning::Regions(1),

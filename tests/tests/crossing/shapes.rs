@@ -1,4 +1,4 @@
-//! Tests that shapes that are seldom used cross borders too.
+//! Tests that rarely used shapes cross borders too.
 
 use rapier3d::math::IVector;
 use rapier3d::parry::shape::{HeightField, HeightFieldCellStatus, HeightFieldFlags};
@@ -7,7 +7,7 @@ use rapier3d::parry::utils::Array2;
 use super::bare::{Setup, as_in_bare_rapier};
 use super::*;
 
-/// Bodies that slide over a floor with a border in the middle, and what they are.
+/// Returns shapes of bodies that slide over a floor with a border in the middle, by name.
 fn sliders() -> Vec<(&'static str, SharedShape)> {
     let corners =
         [[0.5, -0.5, 0.5], [0.5, -0.5, -0.5], [-0.5, -0.5, 0.5], [-0.5, -0.5, -0.5], [0.0, 0.5, 0.0]];
@@ -82,14 +82,14 @@ fn a_hole_in_a_height_field_and_a_gap_in_voxels_are_there_on_both_sides_of_a_bor
     }
 }
 
-/// A mesh of triangles that is no convex one: two arms at a right angle, standing on one of them.
+/// Returns a triangle mesh that is not convex: two arms at a right angle, standing on one of them.
 fn angle() -> (Vec<Vector>, Vec<[u32; 3]>) {
     let mut outline = vec![[-0.5, -0.5], [0.5, -0.5], [0.5, -0.2], [-0.2, -0.2], [-0.2, 0.5], [-0.5, 0.5]];
     outline.reverse();
     let at = |z: f32| outline.clone().into_iter().map(move |[x, y]| Vector::new(x, y, z));
     let points = at(-0.4).chain(at(0.4)).collect();
     let n = outline.len() as u32;
-    // Fans from the inner corner see all of either face.
+    // From the inner corner, fans of triangles cover each face.
     let fan = |from: u32| {
         (0..n).filter_map(move |i| {
             let (corner, a, b) = (2, (i + 2) % n, (i + 3) % n);
@@ -136,7 +136,7 @@ fn solids_of_every_kind_slide_over_a_border_as_in_one_world() {
             let collider = ColliderBuilder::new(shape.clone()).friction(0.1);
             let given = MassProperties::new(Vector::Y * -0.2, 1.0, Vector::splat(0.2));
             setup.push(body, collider.mass_properties(given));
-            // What it meets at the border.
+            // The box that it hits at the border.
             setup.push(body_at(0.6, 0.5, 0.2).can_sleep(false), cube().friction(0.1));
             setup
         };
@@ -156,7 +156,7 @@ fn ground_of_every_kind_carries_over_a_border_as_in_one_world() {
         SharedShape::polyline((0..9).map(|i| Vector::new(i as f32 * 2.0 - 8.0, 0.0, z)).collect(), None)
     };
     let edge = |z: f32| SharedShape::segment(Vector::new(-8.0, 0.0, z), Vector::new(8.0, 0.0, z));
-    // Without it Rapier's boxes trip over the edges inside, sooner or later.
+    // Without this flag, Rapier's boxes trip over inner edges sooner or later.
     let smooth = HeightFieldFlags::FIX_INTERNAL_EDGES;
     let heights = Array2::new(9, 9, vec![0.0; 81]);
     let field = HeightField::with_flags(heights, Vector::new(16.0, 1.0, 16.0), smooth);

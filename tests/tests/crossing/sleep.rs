@@ -68,7 +68,7 @@ fn a_sleeping_body_that_is_hit_from_another_region_wakes() {
             steps(world, 60);
             assert!(!world.body(target).unwrap().is_sleeping());
         });
-        // Half the way of a substep at 8 m/s: by so much they may meet earlier or later.
+        // Half the way of a substep at 8 m/s: they may meet that much earlier or later.
         assert!(off < 0.1, "{}: {off}", coupling.name());
     }
 }

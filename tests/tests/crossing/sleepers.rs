@@ -1,4 +1,5 @@
-//! Tests bodies that sleep beyond a border: what reaches them from another region moves those that it moves in one world.
+//! Tests bodies that sleep beyond a border: what comes from another region moves the same ones as in one
+//! world.
 
 use std::cell::RefCell;
 use std::f32::consts::TAU;
@@ -9,11 +10,11 @@ use dcd::space::Bounds;
 
 use super::*;
 
-/// So far a body that was struck has gone at least, and one that was not has gone at most, metres.
+/// The shortest way of a body that was struck, and the longest of one that was not, metres.
 const STRUCK_M: f64 = 0.5;
 const LEFT_M: f64 = 0.1;
 
-/// Regions within 32 m of the origin; islands go whole.
+/// Returns the configuration of regions within 32 m of the origin. Islands move whole.
 fn cut_at(coupling: Coupling, planes: &[(Axis, f64)]) -> WorldConfig {
     let step = StepSettings::default().with_coupling(coupling);
     let bounds = Bounds::around([0.0; 3], [32.0, 8.0, 32.0]);
@@ -24,7 +25,7 @@ fn in_regions(coupling: Coupling, regions: usize) -> WorldConfig {
     WorldConfig { partitioning: Partitioning::Regions(regions), ..cut_at(coupling, &[]) }
 }
 
-/// How far bodies went that `lay` lays down and that then slept, in metres, while `drive` ran.
+/// Returns how far each body that `lay` laid down moved, metres, while it slept and `drive` ran.
 fn ways(
     config: WorldConfig,
     lay: impl Fn(&mut LocalWorld) -> Vec<BodyId>,
@@ -45,7 +46,7 @@ fn ways(
     sleepers.iter().zip(from).map(|(&id, from)| distance(at(&world, id), from)).collect()
 }
 
-/// Bodies that were struck in one world and not in the other.
+/// Returns the bodies that were struck in one world and not in the other.
 fn unlike(one: &[f64], many: &[f64]) -> Vec<usize> {
     let struck_in_one = |(one, many): (&f64, &f64)| *one > STRUCK_M && *many < LEFT_M;
     let pairs = || one.iter().zip(many);
@@ -65,7 +66,7 @@ fn post_at(world: &mut LocalWorld, x: f32, z: f32) -> BodyId {
     world.insert(body_at(x, 1.0, z), ColliderBuilder::cuboid(0.15, 1.0, 0.15)).unwrap()
 }
 
-/// Eight cars, tied one behind the other; the first is at `front`.
+/// Inserts eight cars, each tied to the one before; the first is at `front`.
 fn insert_train(world: &mut LocalWorld, front: Vector, motion: Vector, car: &RigidBodyBuilder, density: f32) {
     let way = motion.normalize();
     // Cars are long in x.
@@ -135,7 +136,8 @@ fn a_hub_pushes_boxes_that_sleep_in_another_region_and_does_not_drive_into_them(
     }
 }
 
-/// Dominoes in a ring that passes through the origin, 0.5 m apart; returns how many fall when the farthest is pushed over.
+/// Stands dominoes in a ring through the origin, 0.5 m apart. Returns how many fall when the one farthest
+/// from the origin is pushed over.
 fn fallen_of_ring(config: WorldConfig, count: usize, ticks: usize) -> usize {
     let mut world = LocalWorld::new(config).unwrap();
     insert_floor(&mut world);
@@ -169,7 +171,7 @@ fn a_ring_of_sleeping_dominoes_falls_through_the_corner_of_four_regions() {
     for coupling in SHARING {
         for regions in [2, 4, 5] {
             let fallen = fallen_of_ring(in_regions(coupling, regions), 48, 420);
-            // The last one leans on the first.
+            // The last one may lean on the first.
             assert!(fallen >= 47, "{} in {regions} regions: {fallen}", coupling.name());
         }
     }
@@ -205,7 +207,7 @@ fn a_slow_lift_raises_what_sleeps_on_its_half_in_another_region() {
     }
 }
 
-/// A seeded source of numbers between two others.
+/// A seeded generator of numbers between two others.
 struct Dice(Random);
 
 impl Dice {
@@ -218,7 +220,7 @@ impl Dice {
     }
 }
 
-/// Boxes, posts and stacks, one in each square of 4 m.
+/// Inserts boxes, posts and stacks, one in each square of 4 m.
 fn scatter(world: &mut LocalWorld, dice: &mut Dice) -> Vec<BodyId> {
     let mut all = Vec::new();
     for square in 0..49 {
@@ -233,7 +235,7 @@ fn scatter(world: &mut LocalWorld, dice: &mut Dice) -> Vec<BodyId> {
     all
 }
 
-/// Where things are driven in: along x or along z, each a lane of its own in which nothing turns it aside.
+/// A lane along x or z, in which a thing is driven without being turned aside.
 struct Lane {
     along_x: bool,
     side: f32,
@@ -247,7 +249,7 @@ impl Lane {
     }
 }
 
-/// Four things come from outside, or from between the squares, and cross borders.
+/// Drives in four things from outside, or from between the squares, which cross borders. Returns their lanes.
 fn drive_in(world: &mut LocalWorld, dice: &mut Dice) -> Vec<Lane> {
     let along_x = dice.below(2) == 0;
     let mut lanes = Vec::new();
@@ -284,7 +286,7 @@ fn drive_in(world: &mut LocalWorld, dice: &mut Dice) -> Vec<Lane> {
     lanes
 }
 
-/// How far scattered sleepers go when things are driven in, and which of them lie in a lane.
+/// Returns how far scattered sleepers move when things are driven in, and which of them lie in a lane.
 fn driven(config: WorldConfig, seed: u64) -> (Vec<f64>, Vec<bool>) {
     let (from, lanes) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
     let lay = |world: &mut LocalWorld| {
@@ -312,12 +314,12 @@ fn whatever_is_driven_across_borders_moves_the_sleepers_that_it_moves_in_one_wor
         struck += (0..one.len()).filter(|&i| in_lane[i] && one[i] > STRUCK_M).count();
         for (place, (coupling, regions)) in partitioned.into_iter().enumerate() {
             let (many, _) = driven(in_regions(coupling, regions), seed);
-            // What flies out of a lane may hit others or miss them.
+            // What flies out of a lane may hit others or miss them, so only bodies in lanes count.
             let inside: Vec<_> = unlike(&one, &many).into_iter().filter(|&i| in_lane[i]).collect();
             unlike_by[place] += inside.len();
         }
     }
-    // In one world too, what flew out of one lane may hit what lies in another, or miss it.
+    // In one world too, what flew out of one lane may hit or miss what lies in another.
     assert!(struck > 60, "{struck}");
     for ((coupling, regions), unlike) in partitioned.into_iter().zip(unlike_by) {
         assert!(50 * unlike <= struck, "{} in {regions}: {unlike} of {struck}", coupling.name());

@@ -15,7 +15,7 @@ fn every_feature_that_the_table_promises_names_its_tests_and_these_exist() {
         let [_, feature, fate, tests, _] = cells[..] else { panic!("three cells: {row}") };
         let promised = fate.starts_with("yes") || fate.starts_with("limit");
         assert!(promised || fate.starts_with("no"), "{feature}: {fate}");
-        // What only builds, or is tried by a doc test, says so.
+        // A feature that is only compiled, or tested by a doc test, says so.
         if promised && tests.is_empty() && !fate.contains("not tried") && !fate.contains("tried by") {
             wrong.push(format!("{feature}: no test"));
         }

@@ -1,10 +1,10 @@
-//! Tests bodies at borders that are unlike their neighbours: fast, heavy, large, locked, bouncy, disabled.
+//! Tests bodies at borders that differ from their neighbours: fast, heavy, large, locked, bouncy, disabled.
 
 use dcd::space::Bounds;
 
 use super::*;
 
-/// How far behind the middle of a wall a bullet ends that flies at it.
+/// Returns how far behind the middle of a wall a bullet ends that flies at it, metres.
 fn beyond_wall(coupling: Coupling, wall_x: f32, movable: bool, start_x: f32, speed: f32) -> f64 {
     let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
     let wall =
@@ -67,7 +67,7 @@ fn friction_locked_axes_and_dominance_hold_for_shared_bodies() {
             |body| body.enabled_translations(true, true, false).enabled_rotations(false, false, true),
             0.5,
         ),
-        // With friction Rapier itself leaves the other body sunk in this one.
+        // With friction, Rapier itself leaves the other body sunk in this one.
         ("dominant", |body| body.dominance_group(2), 0.0),
     ];
     for coupling in SHARING {

@@ -1,10 +1,11 @@
-//! Tests that what a user does to a body held by several regions is done to all its copies.
+//! Tests that a user's changes to a body that several regions hold reach all its copies.
 
 use dcd::protocol::{Velocity, WorldPose};
 
 use super::*;
 
-/// Two bodies side by side at the border, nothing pressing; returns the left one, which is this body.
+/// Inserts this body beside another at the border, with no pressure between them. Returns this body, the left
+/// one.
 fn beside_another(world: &mut LocalWorld, body: RigidBodyBuilder, colliders: Vec<ColliderBuilder>) -> BodyId {
     let pose = WorldPose::at([-0.501, 0.0, 0.0]);
     let left = world.insert_at(pose, body.can_sleep(false), colliders).unwrap();
@@ -13,7 +14,7 @@ fn beside_another(world: &mut LocalWorld, body: RigidBodyBuilder, colliders: Vec
     left
 }
 
-/// A body for each way to say its mass, by name, with that mass.
+/// Returns a body for each way to set a mass, with the way's name and the mass, kilograms.
 fn masses() -> Vec<(&'static str, RigidBodyBuilder, Vec<ColliderBuilder>, f32)> {
     let smooth = || cube().friction(0.0);
     let body = RigidBodyBuilder::dynamic;
@@ -52,7 +53,7 @@ fn impulses_forces_and_torques_act_on_the_whole_mass_wherever_it_comes_from() {
             assert_eq!(parts(&world, id), 2, "{what}");
             assert!((speed(&world, id)[2] - 1.0).abs() < 1e-4, "{what}: {:?}", speed(&world, id));
 
-            // A force lasts: while the body is shared, and when it is not any more.
+            // A force persists: while the body is shared, and afterwards.
             let force = Vector::new(-mass_kg, 0.0, -2.0 * mass_kg);
             world.update(id, |body| body.add_force(force, true)).unwrap();
             steps(&mut world, 60);
@@ -271,7 +272,7 @@ fn a_force_goes_on_behind_a_border() {
     }
 }
 
-/// Both boxes are computed by one region, since they touch.
+/// One region computes both boxes, since they touch.
 #[test]
 fn what_is_moved_by_a_little_stays_where_its_island_is_computed() {
     let mut config = halves(Coupling::Auto);
@@ -298,7 +299,8 @@ fn what_is_moved_by_a_little_stays_where_its_island_is_computed() {
     assert_eq!(epochs(&world), before);
 }
 
-/// As above, and one of them is put far into the region in which it lies, where only that region knows what it meets.
+/// As above, but one box is put far into the region in which it lies, where only that region knows what the
+/// box meets.
 #[test]
 fn what_is_put_far_off_in_its_own_region_meets_what_lies_there_at_once() {
     for by_update in [false, true] {

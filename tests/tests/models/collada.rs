@@ -1,17 +1,18 @@
-//! Tests what is read of Collada files: what the scene instances, where its nodes put it, and what is refused.
+//! Tests what is read from Collada files: the geometries that the scene instances, where its nodes put them,
+//! and what is refused.
 
 use std::fs;
 
 use dcd::scene::{Params, Scene, SceneError};
 use rapier3d::prelude::*;
 
-/// A corner of a cube, cut off.
+/// The vertices and faces of a cut-off corner of a cube.
 const POINTS: &str = "0 0 0 1 0 0 0 1 0 0 0 1";
 const TRIANGLES: &str = "<triangles count=\"4\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/>
 <p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles>";
 const INSTANCE: &str = "<instance_geometry url=\"#t\"/>";
 
-/// A file of these triangles and this content of its scene; without a scene if that is empty.
+/// Returns a file with these triangles and this scene content; without a scene if the content is empty.
 fn dae(points: &str, primitives: &str, scene: &str, libraries: &str) -> String {
     let shown = format!(
         r##"<library_visual_scenes><visual_scene id="s">{scene}</visual_scene></library_visual_scenes>
@@ -36,7 +37,7 @@ fn load(dae: &str) -> Result<Scene, SceneError> {
     Scene::load(folder.path().join("m.urdf"), &Params::new())
 }
 
-/// The boxes around the meshes of a file.
+/// Returns the boxes around the meshes of a file.
 fn boxes(dae: &str) -> Vec<[[f32; 3]; 2]> {
     let scene = load(dae).unwrap_or_else(|error| panic!("{error}\n{dae}"));
     let around = |collider: &ColliderBuilder| collider.shape.compute_aabb(&collider.position);
@@ -98,7 +99,7 @@ fn geometries_are_where_their_nodes_and_the_unit_put_them() {
 #[test]
 fn polygons_fans_and_strips_are_cut_into_triangles() {
     let input = "<input semantic=\"VERTEX\" source=\"#v\" offset=\"1\"/><input semantic=\"NORMAL\" source=\"#n\" offset=\"0\"/>";
-    // A square and one more point; in each corner an index of a normal comes first.
+    // A square and one more point. In each corner the index of a normal comes first.
     let points = "0 0 0 2 0 0 2 2 0 0 2 0 0 0 2";
     let square = |shape: &SharedShape| {
         let mesh = shape.as_trimesh().expect("it is fixed");
@@ -127,7 +128,7 @@ fn a_file_that_is_broken_or_endless_is_refused_by_name() {
     let whole = dae(POINTS, TRIANGLES, &node, "");
     assert_eq!(boxes(&whole).len(), 1);
     let nested = "<node>".repeat(100_000) + INSTANCE + &"</node>".repeat(100_000);
-    // Each node instances the next twice.
+    // Each node instances the next one twice.
     let doubling: String = (0..40)
         .map(|level| {
             let next = format!("<instance_node url=\"#n{}\"/>", level + 1);

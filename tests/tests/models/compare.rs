@@ -1,4 +1,4 @@
-//! Compares a model in regions with the same in one bare Rapier world.
+//! Compares a model in regions with the same model in one bare Rapier world.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,28 +9,29 @@ use dcd::scene::{Params, Scene};
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
-/// What a run of some seconds gave.
+/// The results of a run of some seconds.
 #[derive(Clone, Debug)]
 pub(crate) struct Run {
-    /// Sum over all dynamic bodies, kilograms.
+    /// The mass of all dynamic bodies, kilograms.
     pub(crate) mass_kg: f64,
-    /// Force on the ground over weight, mean of the last three seconds.
+    /// The force on the ground divided by the weight, mean of the last three seconds; `None` if nothing was
+    /// measured.
     pub(crate) ground: Option<f64>,
-    /// How far joints were apart, metres: the root of the mean square, over joints and time.
+    /// How far joints were apart, metres: the root mean square over joints and time.
     pub(crate) apart_m: f64,
-    /// The farthest that any was, ever.
+    /// The largest distance of any joint at any time, metres.
     pub(crate) farthest_m: f64,
-    /// Bodies that Rapier set aside.
+    /// The bodies that Rapier set aside.
     pub(crate) quarantined: BTreeSet<BodyId>,
 }
 
-/// The scene of a file with parameters as on the command line.
+/// Loads the scene of a file, with parameters as on the command line.
 pub(crate) fn scene(path: &Path, params: &str) -> Scene {
     let params = Params::from_args(params.split_whitespace()).unwrap();
     Scene::load(path, &params).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// One bare world.
+/// Runs a scene in one bare world.
 pub(crate) fn bare(scene: &Scene, seconds: f32) -> Run {
     let mut world = scene.bare_world();
     let handles: Vec<_> = world.rigid_bodies().map(|(handle, _)| handle).collect();
@@ -43,7 +44,8 @@ pub(crate) fn bare(scene: &Scene, seconds: f32) -> Run {
     )
 }
 
-/// So many regions; robots that borders cut move whole to one of them, or are `shared`.
+/// Runs a scene in this many regions. Robots that borders cut move whole to one region, or are `shared` among
+/// several.
 pub(crate) fn regions(scene: &Scene, count: usize, shared: bool, seconds: f32) -> Run {
     let mut config = WorldConfig {
         partitioning: Partitioning::Regions(count),
@@ -76,7 +78,7 @@ fn pose(translation: [f64; 3], rotation: [f32; 4]) -> Pose {
     Pose::from_parts(Vector::from(translation.map(|v| v as f32)), Rotation::from_array(rotation))
 }
 
-/// Shares of one body sum up to it.
+/// Returns the mass of all dynamic bodies. The shares of one body add up to its mass.
 fn mass_kg(views: &[View<'_>]) -> f64 {
     let of = |view: &View<'_>| {
         let owned =
@@ -125,7 +127,7 @@ fn run<W: Measured>(
     }
 }
 
-/// How far a joint's ends are apart along the axes that it locks.
+/// Returns how far a joint's ends are apart along the axes that it locks, metres.
 fn apart(joint: &GenericJoint, a: Pose, b: Pose) -> f64 {
     let (a, b) = (a * joint.local_frame1, b * joint.local_frame2);
     let between = a.rotation.inverse() * (b.translation - a.translation);

@@ -1,10 +1,11 @@
-//! Tests that files that are broken, or made to do harm, are refused by name: none ends the process, hangs it or is read in part.
+//! Tests that broken and malicious files are refused by name: none ends the process, hangs it or is read in
+//! part.
 
 use std::fs;
 
 use dcd::scene::{Params, Scene, SceneError};
 
-/// Files of one folder.
+/// The files of one folder.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -18,7 +19,7 @@ impl Folder {
         fs::write(self.0.path().join(name), text).unwrap();
     }
 
-    /// Loads a file that may name any other.
+    /// Loads a file that may name any other file.
     fn load(&self, name: &str) -> Result<Scene, SceneError> {
         self.load_with(name, &Params::new().with("outside", 1))
     }
@@ -27,7 +28,7 @@ impl Folder {
         Scene::load(self.0.path().join(name), params)
     }
 
-    /// The error of a file that is refused.
+    /// Returns the error of a file that must be refused.
     fn error(&self, name: &str) -> String {
         self.load(name).map(|scene| scene.bodies.len()).unwrap_err().to_string()
     }
@@ -55,7 +56,7 @@ fn files_that_nest_or_include_without_end_and_files_that_are_none_are_refused() 
     };
     let error = refused("endless.xml", robot("/dev/zero"));
     assert!(error.contains("/dev/zero: it is not a regular file"), "{error}");
-    // Each includes the next twice: thirty files of a hundred bytes are 2^30 geoms.
+    // Each file includes the next one twice: thirty files of a hundred bytes are 2^30 geoms.
     for level in 0..30 {
         let inner = robot(&format!("{}.xml", level + 1));
         folder.write(&format!("{level}.xml"), &inner);
@@ -90,7 +91,7 @@ fn what_cannot_be_included_is_refused_by_name_and_what_is_in_an_include_gives_wa
         ("rootless.xml", "rootless.xml:3: other.xml cannot be put here"),
         ("rooted_twice.xml", "rooted_twice.xml:3: other_twice.xml cannot be put here"),
         ("spaced.xml", "through.xml:1: space.xml cannot be put here"),
-        // Its lines are not those of the text with all that it includes.
+        // Its line numbers are not those of the text with all its includes.
         ("late.xml", "late.xml: <replicate> in a body"),
     ] {
         let error = folder.error(name);
@@ -143,7 +144,7 @@ fn models_that_attach_themselves_or_what_is_not_there_are_refused() {
         let error = folder.error(name);
         assert!(error.contains(cause), "{name}: {error}");
     }
-    // Each attaches the next twice: thirty files of two hundred bytes are 2^30 bodies.
+    // Each file attaches the next one twice: thirty files of two hundred bytes are 2^30 bodies.
     for level in 0..30 {
         let twice = attaching(&format!("{}.xml", level + 1), "b");
         let twice = twice.replace("</body>", "<attach model=\"m\" body=\"b\" prefix=\"q\"/></body>");
@@ -213,7 +214,7 @@ fn a_model_opens_no_file_outside_of_its_folder_unless_it_is_allowed_to() {
             folder.load_with("robot/loads_link.urdf", &Params::new()).map(drop).unwrap_err().to_string();
         assert!(error.contains(" lies outside of "), "{error}");
     }
-    // What lies in its own folder, in its package of ROS, or in another one.
+    // Files in the model's own folder, in its ROS package, or in another package.
     folder.write("robot/meshes/tetra.obj", tetra);
     folder.write("robot/own.urdf", &robot("package://robot/meshes/tetra.obj"));
     folder.write("package/package.xml", "<package/>");

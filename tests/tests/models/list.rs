@@ -1,15 +1,16 @@
-//! Lists the real model files that are tried.
+//! Lists the real model files of the tests.
 
 use std::path::{Path, PathBuf};
 
-/// A real file and how it is run.
+/// A real file, and how it is run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Real {
-    /// In `dcd/scenes/models/` for those that are shipped, in an unpacked wheel for the others.
+    /// The path: in `dcd/scenes/models/` for shipped files, in an unpacked wheel for the others.
     pub(crate) path: &'static str,
-    /// `--set`s, apart by spaces.
+    /// The parameters of `--set`, separated by spaces.
     pub(crate) params: &'static str,
-    /// What can move weighs: of MJCF as MuJoCo 3 computes it, of URDF by the numbers of the file.
+    /// The mass of all that can move, kilograms: for MJCF as MuJoCo 3 computes it, for URDF by the numbers of
+    /// the file.
     pub(crate) mass_kg: f64,
     /// Whether all of it ends up standing or lying on the ground, so that the ground bears its weight.
     pub(crate) rests: bool,
@@ -23,7 +24,7 @@ const fn hangs(path: &'static str, mass_kg: f64, params: &'static str) -> Real {
     Real { path, params, mass_kg, rests: false }
 }
 
-/// In the repository, with their licences beside them.
+/// The files in the repository, with their licences beside them.
 pub(crate) const SHIPPED: [Real; 5] = [
     rests("gymnasium/ant.xml", 0.91088, ""),
     rests("gymnasium/humanoid.xml", 42.11603, ""),
@@ -32,7 +33,7 @@ pub(crate) const SHIPPED: [Real; 5] = [
     rests("bullet/quadruped.urdf", 6.0, "ground=1"),
 ];
 
-/// From the wheels of [`WHEELS`], by the path inside.
+/// The files from the wheels of [`WHEELS`], by their paths inside.
 pub(crate) const FETCHED: [Real; 20] = [
     rests("gymnasium/envs/mujoco/assets/ant.xml", 0.91088, ""),
     rests("gymnasium/envs/mujoco/assets/half_cheetah.xml", 14.0, ""),
@@ -56,7 +57,7 @@ pub(crate) const FETCHED: [Real; 20] = [
     hangs("pybullet_data/franka_panda/panda.urdf", 15.06, "fixed=1"),
 ];
 
-/// What `pip download` is asked for; pybullet has wheels for some versions of Python only.
+/// The arguments of `pip download`. pybullet has wheels for some versions of Python only.
 pub(crate) const WHEELS: [&[&str]; 3] = [
     &["gymnasium==1.4.0"],
     &["dm_control==1.0.50"],
@@ -71,7 +72,7 @@ pub(crate) const WHEELS: [&[&str]; 3] = [
     ],
 ];
 
-/// The folder of the shipped files.
+/// Returns the folder of the shipped files.
 pub(crate) fn shipped() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../dcd/scenes/models")
 }

@@ -1,4 +1,5 @@
-//! Tests scenes from MJCF and URDF files: real files against the bare world, and every feature of the formats by a file of its own.
+//! Tests scenes from MJCF and URDF files: real files against the bare world, and every feature of the formats
+//! with a file of its own.
 
 mod collada;
 mod compare;

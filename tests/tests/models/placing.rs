@@ -1,4 +1,4 @@
-//! Tests how models are placed: copies, ground, and who passes through whom.
+//! Tests how models are placed: copies, ground, and which bodies pass through each other.
 
 use std::fs;
 

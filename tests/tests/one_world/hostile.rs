@@ -1,5 +1,5 @@
-//! Tests questions that no honest program asks: whatever a client sends that may be sent is answered, and by what may be told. An
-//! owner that stopped, or whose answer broke a rule, would be lost to the world.
+//! Tests queries that no honest program sends: whatever a client may send is answered, and the answer may be
+//! sent. An owner that stopped, or whose answer broke a rule, would be lost to the world.
 
 use std::ops::Range;
 
@@ -14,7 +14,8 @@ use rapier3d::prelude::{ActiveEvents, ColliderBuilder, RigidBodyBuilder};
 
 use super::scenery::{place, scene, things, world};
 
-/// From what underflows when it is squared to what a world may reach; now and then what no message may have.
+/// From numbers whose square underflows to the largest that a world may reach, and now and then numbers that
+/// no message may have.
 fn number() -> impl Strategy<Value = f32> {
     let size = prop_oneof![
         4 => Just(0.0f32),
@@ -76,7 +77,7 @@ fn shape() -> impl Strategy<Value = ShapeRecord> {
     ]
 }
 
-/// A shape, or two of it in one.
+/// One shape, or a compound of two of it.
 fn shapes() -> impl Strategy<Value = Vec<ShapeRecord>> {
     (shape(), prop::option::weighted(0.2, (vector(), turn()))).prop_map(|(shape, twin)| {
         let part = shape.hash();
@@ -158,7 +159,7 @@ proptest! {
         }
         let shape = library.shape(shapes.last().expect("there is one").hash()).expect("it was added");
         let collider = ColliderBuilder::new(shape).density(density.abs()).active_events(ActiveEvents::all());
-        // Faster ones are refused.
+        // Faster avatars are refused.
         let speed = speed.map(|v: f32| v.clamp(-230.0, 230.0));
         let mut avatar = RigidBodyBuilder::dynamic().linvel(speed.into()).angvel(spin.into());
         avatar = avatar.linear_damping(damping.abs()).gravity_scale(gravity);

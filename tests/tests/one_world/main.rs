@@ -1,5 +1,5 @@
-//! Tests a partitioned world beside one Rapier world: whatever is asked of both, they say the same, and whatever is done to both,
-//! the same comes of it.
+//! Tests a partitioned world beside one Rapier world: the same queries have the same answers in both, and the
+//! same changes the same effects.
 
 mod asking;
 mod hostile;
@@ -12,7 +12,7 @@ mod twin;
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;
 
-/// So many cases, the same in every run.
+/// Returns a configuration with this many cases, the same in every run.
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,

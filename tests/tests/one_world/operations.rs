@@ -8,7 +8,7 @@ use super::config;
 use super::scenery::{Thing, place, thing};
 use super::twin::Twin;
 
-/// Something done to both worlds. Bodies and joints are counted among those that there are, round and round.
+/// An operation on both worlds. Bodies and joints are numbered among the existing ones, modulo their count.
 #[derive(Clone, Debug)]
 pub(crate) enum Operation {
     Insert(Thing),
@@ -94,7 +94,7 @@ proptest! {
 proptest! {
     #![proptest_config(config(10_000))]
 
-    /// Some minutes: `cargo test --release -p dcd-tests --test one_world -- --ignored`.
+    /// Takes some minutes: `cargo test --release -p dcd-tests --test one_world -- --ignored`.
     #[test]
     #[ignore = "slow"]
     fn ten_thousand_sequences_come_out_as_in_one_world(

@@ -1,4 +1,4 @@
-//! Tests random scenes, cuts, couplings, changes and questions: the answers are those of one Rapier world.
+//! Tests random scenes, cuts, couplings, changes and queries: the answers are those of one Rapier world.
 
 use dcd::physics::Coupling;
 use dcd::protocol::WorldPose;
@@ -10,7 +10,7 @@ use super::asking::{Query, questions};
 use super::config;
 use super::scenery::{Bare, Thing, place, scene, things, world};
 
-/// Changes after the last step: a body goes elsewhere, goes, or comes.
+/// A change after the last step: a body is moved, removed, or inserted.
 #[derive(Clone, Debug)]
 enum Change {
     Move(usize, [f32; 3]),
@@ -90,7 +90,7 @@ proptest! {
 proptest! {
     #![proptest_config(config(10_000))]
 
-    /// Some seconds: `cargo test --release -p dcd-tests --test one_world -- --ignored`.
+    /// Takes some seconds: `cargo test --release -p dcd-tests --test one_world -- --ignored`.
     #[test]
     #[ignore = "slow"]
     fn ten_thousand_scenes_answer_as_one_world_does(

@@ -8,7 +8,7 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
 
-/// Two weightless regions that meet at x = 0.
+/// Returns a weightless world of two regions that meet at x = 0.
 fn halves() -> LocalWorld {
     let mut config =
         WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
@@ -80,7 +80,7 @@ fn a_visit_meets_what_the_lists_have_each_once_and_ends_when_told() {
         .unwrap();
     visited.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
     assert_eq!(visited, listed);
-    // Only what is nearer: the last one is the nearest of all.
+    // Asks only for nearer hits: the last one is the nearest of all.
     let mut nearest = None;
     queries
         .visit_ray(&slanting, &all, |hit| {
@@ -141,7 +141,7 @@ fn bodies_are_found_where_they_are_now_without_a_step() {
     world.update_collider(near, 0, |collider| collider.set_enabled(true)).unwrap();
     world.remove(near).unwrap();
     assert_eq!(first(&world), None, "removed");
-    // Rapier gives the newcomer the handles of what was removed.
+    // Rapier reuses the handles of the removed body for the new one.
     let newcomer = insert(&mut world, 8.0, ColliderBuilder::ball(0.5));
     assert_eq!(first(&world), Some(newcomer));
 }
@@ -265,7 +265,8 @@ fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
         let ray = WorldRay::new([-0.5 - gap_m, 3.0, 0.0], [1.0, 0.0, 0.0]);
         let hit = world.queries().cast_ray(&ray, &BodyFilter::default()).unwrap().unwrap();
         assert_eq!((hit.body, hit.collider), (ground, 1));
-        // 25 km from its anchor a region counts in 2 mm, the farthest in 16.
+        // 25 km from its anchor a region computes with a grain of 2 mm, the farthest region with one of 16
+        // mm.
         assert!((hit.distance_m - gap_m).abs() < 1.5e-3, "{} m, not {gap_m} m", hit.distance_m);
     }
 }

@@ -1,4 +1,4 @@
-//! Generates random scenes of all sorts of bodies, and the bare world that a partitioned one must agree with.
+//! Generates random scenes of all kinds of bodies, and the bare world that a partitioned one must agree with.
 
 use dcd::physics::{ColliderId, Coupling};
 use dcd::protocol::{Velocity, WorldPose};
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::*;
 
-/// Half the edge of the box in which things happen, metres.
+/// Half the edge of the box in which bodies are placed, metres.
 pub(crate) const HALF_M: f32 = 12.0;
 
 /// A body in numbers that proptest can shrink.
@@ -56,7 +56,7 @@ pub(crate) fn thing() -> impl Strategy<Value = Thing> {
 
 impl Thing {
     pub(crate) fn scene_body(&self) -> SceneBody {
-        // Flat and endless shapes carry no mass, so they belong to bodies that are not pushed.
+        // Flat and infinite shapes have no mass, so only bodies that are not pushed have them.
         let (kind, shape) = match (self.kind, self.shape) {
             (0 | 1, shape) => (RigidBodyType::Fixed, shape),
             (2, shape) => (RigidBodyType::KinematicPositionBased, shape % 7),
@@ -116,7 +116,7 @@ fn shape_of(kind: u8, size: f32) -> SharedShape {
     }
 }
 
-/// A scene without gravity; its half-spaces lie low.
+/// Returns a scene with these bodies, without gravity.
 pub(crate) fn scene(things: &[Thing]) -> Scene {
     let mut scene = Scene::empty("random");
     scene.gravity = [0.0; 3];
@@ -132,14 +132,15 @@ pub(crate) fn world(scene: &Scene, regions: usize, coupling: Coupling) -> LocalW
     LocalWorld::from_scene(scene, config).unwrap()
 }
 
-/// One Rapier world with the bodies of a partitioned one as they are now, and its bodies by Rapier's handles.
+/// One Rapier world with the bodies of a partitioned world as they are now, and their ids by Rapier's
+/// handles.
 pub(crate) struct Bare {
     pub(crate) world: PhysicsWorld,
     ids: Vec<(RigidBodyHandle, BodyId)>,
 }
 
 impl Bare {
-    /// `bodies` are those of the world, as they were described.
+    /// Makes it from a world. `bodies` are those of the world, as they were described.
     pub(crate) fn of(world: &LocalWorld, bodies: &[(BodyId, SceneBody)]) -> Self {
         let mut scene = Scene::empty("bare");
         scene.gravity = [0.0; 3];
@@ -148,7 +149,7 @@ impl Bare {
             scene.bodies.push(SceneBody { pose, ..body.clone() });
         }
         let mut bare = scene.bare_world();
-        // Brings Rapier's tree up to date, which a partitioned world does not need.
+        // Updates Rapier's tree, which a partitioned world does not need.
         bare.detect_collisions(&(), &());
         let ids = bare.bodies.iter().map(|(handle, _)| handle).zip(bodies.iter().map(|(id, _)| *id));
         Self { ids: ids.collect(), world: bare }

@@ -13,15 +13,15 @@ use rapier3d::prelude::*;
 use super::operations::Operation;
 use super::scenery::{Bare, HALF_M, scene, velocity};
 
-/// Bodies that met nothing may be this far from where one world has them, and more for each tick: substeps integrate
-/// the same forces in another number of parts.
+/// How far bodies that touched nothing may be from their places in one world, metres, and how much more per
+/// tick: substeps integrate the same forces in another number of parts.
 const GATE_M: f32 = 0.01;
 const GATE_A_TICK_M: f32 = 0.002;
 
 struct Body {
     id: BodyId,
     bare: RigidBodyHandle,
-    /// As it would be described now.
+    /// The body as it would be described now.
     spec: SceneBody,
 }
 
@@ -37,10 +37,11 @@ pub(crate) struct Twin {
     bodies: Vec<Body>,
     joints: Vec<Joint>,
     untied: Vec<JointId>,
-    /// Bodies that met others or hang on a joint: regions agree on these as well as couplings do, no better.
+    /// Bodies that touched others or hang on a joint: the worlds agree on these only as well as couplings do.
     rough: BTreeSet<BodyId>,
     ticks: usize,
-    /// Rapier takes changes in when it steps, centres of mass too.
+    /// Whether the last operation was a step. Rapier takes in changes, those of centres of mass too, only in
+    /// steps.
     stepped: bool,
 }
 
@@ -105,7 +106,7 @@ impl Twin {
                 self.both(*which, |body| body.add_force(Vector::from(*force), true));
             }
             Operation::ForgetForces(which) => self.both(*which, |body| body.reset_forces(true)),
-            // What mass a disabled body has depends on when it was disabled.
+            // The mass of a disabled body depends on when it was disabled.
             Operation::Impulse(which, _) if !self.spec(*which).body.enabled => {}
             Operation::Impulse(which, impulse) => {
                 self.both(*which, |body| body.apply_impulse(Vector::from(*impulse) * 0.1, true));
@@ -130,7 +131,7 @@ impl Twin {
             Operation::SendTo(which, to) => {
                 let body = &self.bodies[which % self.bodies.len()];
                 if body.spec.body.body_type == RigidBodyType::KinematicPositionBased {
-                    // Regions look some metres ahead: who goes farther in a tick is to be teleported.
+                    // Regions look some metres ahead: a body that goes farther in a tick must be teleported.
                     let pose = self.world.pose(body.id).unwrap();
                     let there = |i: usize| pose.translation[i] + f64::from(to[i] / HALF_M);
                     let to = WorldPose { translation: std::array::from_fn(there), ..pose };
@@ -166,7 +167,8 @@ impl Twin {
                 self.spec(*which).colliders[0].is_sensor = *sensor;
             }
             Operation::Collider(which, on) => {
-                // While a body is disabled, Rapier does not tell whose input it is that its colliders are.
+                // While a body is disabled, Rapier does not tell whether its colliders were disabled by the
+                // user.
                 if self.spec(*which).body.enabled {
                     self.first_collider(*which, |collider| collider.set_enabled(*on));
                     self.spec(*which).colliders[0].enabled = *on;
@@ -202,7 +204,8 @@ impl Twin {
 
     fn tie(&mut self, a: usize, b: usize, kind: u8) {
         let (a, b) = (&self.bodies[a % self.bodies.len()], &self.bodies[b % self.bodies.len()]);
-        // Rapier 0.36.1 panics at a joint between two bodies that are not dynamic, or to one that is disabled already.
+        // Rapier 0.36.1 panics at a joint between two bodies that are not dynamic, and at a joint to a body
+        // that is already disabled.
         let dynamic = |body: &Body| body.spec.body.body_type == RigidBodyType::Dynamic;
         let enabled = a.spec.body.enabled && b.spec.body.enabled;
         if a.id == b.id || !(dynamic(a) || dynamic(b)) || !enabled {
@@ -224,7 +227,7 @@ impl Twin {
         self.joints.push(Joint { id, bare, ends });
     }
 
-    /// A body that is not fixed moves by forces, or as it is told.
+    /// Makes a body that is not fixed dynamic or kinematic.
     fn change_kind(&mut self, which: usize, dynamic: bool) {
         if self.spec(which).body.body_type == RigidBodyType::Fixed || self.is_tied(which) {
             return;
@@ -255,7 +258,7 @@ impl Twin {
         self.world.update_collider(body.id, 0, &change).unwrap();
         let collider = self.bare.bodies[body.bare].colliders()[0];
         change(&mut self.bare.colliders[collider]);
-        // Rapier does so in its next step, and impulses until then act on the old mass.
+        // Rapier does this in its next step, and impulses until then act on the old mass.
         self.bare.bodies[body.bare].recompute_mass_properties_from_colliders(&self.bare.colliders);
     }
 
@@ -273,7 +276,7 @@ impl Twin {
         self.rough.extend(met.into_iter().chain(theirs));
     }
 
-    /// What must hold at all times.
+    /// Checks what must hold at all times.
     pub(crate) fn check(&self) -> Result<(), TestCaseError> {
         let movable = |body: &&Body| body.spec.body.body_type != RigidBodyType::Fixed;
         let expected: Vec<_> = self.bodies.iter().filter(movable).map(|body| body.id).collect();
@@ -317,7 +320,8 @@ impl Twin {
             ours.translation(),
             bare.translation()
         );
-        // That of a body which goes where it is sent is Rapier's own memory of its last step, and stays behind at a border.
+        // The velocity of a body that goes where it is sent is Rapier's own memory of its last step, and is
+        // not carried over a border.
         if body.spec.body.body_type == RigidBodyType::Dynamic {
             let (v, one) = (ours.linvel(), bare.linvel());
             let same = (v - one).length() <= 0.02 + 0.01 * one.length();
@@ -329,7 +333,7 @@ impl Twin {
     }
 }
 
-/// The bodies that are near enough for contacts.
+/// Returns the bodies that are near enough to others for contacts.
 fn pairs(world: &PhysicsWorld, name: impl Fn(RigidBodyHandle) -> Option<BodyId>) -> Vec<BodyId> {
     let parents = world.narrow_phase.contact_pairs().flat_map(|pair| [pair.collider1, pair.collider2]);
     parents.filter_map(|handle| name(world.colliders.get(handle)?.parent()?)).collect()

@@ -1,4 +1,5 @@
-//! Reads the glTF files that `dcd run` and `dcd client` write by a crate of others, against where the bodies are.
+//! Reads the glTF files of `dcd run` and `dcd client` with another crate, and compares them with where the
+//! bodies are.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -8,7 +9,8 @@ use gltf::animation::util::ReadOutputs;
 
 use crate::process::Process;
 
-/// A node: where it is in the world, its rotation, and the colours of what is drawn of it.
+/// A node of a file: its place in the world, its rotation, the colours of what is drawn of it, and its
+/// region.
 struct Node {
     at: [f64; 3],
     turn: [f32; 4],
@@ -17,7 +19,7 @@ struct Node {
 }
 
 fn open(path: &Path) -> gltf::Gltf {
-    // It validates: indices, lists without gaps, what is needed.
+    // This validates the file: indices, lists without gaps, required parts.
     gltf::Gltf::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
@@ -33,7 +35,7 @@ fn origin(file: &gltf::Gltf) -> [f32; 3] {
     root.transform().decomposed().0
 }
 
-/// The bodies of a file, by their names.
+/// Returns the bodies of a file, by their names.
 fn bodies(file: &gltf::Gltf) -> BTreeMap<String, Node> {
     let origin = origin(file);
     let root = file.default_scene().unwrap().nodes().next().unwrap();
@@ -103,7 +105,7 @@ fn a_stretch_is_an_animation_that_goes_as_the_bodies_did() {
     let file = open(&path);
     let origin = origin(&file);
     let animation = file.animations().next().expect("an animation");
-    // Where each body was at each time, by the file.
+    // The places of each body over time, by the file.
     let mut filmed = BTreeMap::new();
     for channel in animation.channels() {
         let reader = channel.reader(|_| Some(blob(&file)));
@@ -189,7 +191,7 @@ fn every_kind_of_shape_is_written() {
         assert!((height - exact).abs() < 1e-5, "b{place}: {height}");
         assert_eq!(mode, if place == 6 { Mode::Lines } else { Mode::Triangles });
     }
-    // A thousand kilometres away f32 is exact, as all is relative to the middle.
+    // A thousand kilometres away f32 is exact, since all is relative to the middle.
     let far = bodies(&file)["b1"].at[0];
     assert_eq!(far, world.movable_bodies().nth(1).unwrap().pose.translation[0]);
     let materials: Vec<_> = file.materials().map(|material| material.alpha_mode()).collect();

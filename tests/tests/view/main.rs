@@ -1,5 +1,5 @@
-//! Tests the viewer of `dcd run`, `dcd serve` and `dcd client` as real processes: the stream that their page reads, who may read it, and
-//! the page as seen in a browser; and the glTF files of what they show.
+//! Tests the viewer of `dcd run`, `dcd serve` and `dcd client` as real processes: the stream that the page
+//! reads, who may read it, the page as seen in a browser, and the glTF files of what is shown.
 
 mod film;
 mod process;

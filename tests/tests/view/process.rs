@@ -9,7 +9,7 @@ use std::time::Duration;
 use dcd_tests::socket;
 use tungstenite::{Bytes, Message, WebSocket};
 
-/// Nothing here takes nearly as long, even on a busy machine.
+/// A limit that nothing here comes near, even on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// A process of the command line; dropping it kills it.
@@ -40,8 +40,8 @@ impl Process {
         Self { child, said, heard: Vec::new() }
     }
 
-    /// The rest of the first line that begins so, of those that nobody asked for yet; those before it are kept, since the two outputs of
-    /// a process have no common order.
+    /// Waits for the first line with this prefix that has not been returned yet, and returns the rest of it.
+    /// Lines before it are kept, since the two outputs of a process have no common order.
     pub(crate) fn line(&mut self, prefix: &str) -> String {
         loop {
             if let Some(at) = self.heard.iter().position(|line| line.starts_with(prefix)) {
@@ -54,12 +54,12 @@ impl Process {
         }
     }
 
-    /// Waits for its end; returns the exit code.
+    /// Waits for the end of the process, and returns its exit code.
     pub(crate) fn ended(mut self) -> Option<i32> {
         self.child.wait().unwrap().code()
     }
 
-    /// What Ctrl-C does; returns the exit code.
+    /// Interrupts the process as Ctrl-C does, and returns its exit code.
     pub(crate) fn interrupt(mut self) -> Option<i32> {
         let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap();
         assert!(sent.success());
@@ -74,7 +74,7 @@ impl Drop for Process {
     }
 }
 
-/// The address and the key in what a command prints.
+/// Returns the address and the key in a URL that a command prints.
 pub(crate) fn parts(url: &str) -> (String, String) {
     let (address, key) = url.strip_prefix("http://").unwrap().split_once("/?key=").unwrap();
     (address.to_owned(), key.to_owned())
@@ -100,7 +100,7 @@ pub(crate) struct Seen {
     pub(crate) frames: usize,
     pub(crate) tick: f64,
     pub(crate) regions: usize,
-    /// Who computes them.
+    /// The node that computes each region.
     pub(crate) nodes: Vec<u32>,
     pub(crate) rows: Vec<Row>,
     pub(crate) ghosts: usize,
@@ -151,7 +151,7 @@ impl Page {
         assert!(self.try_look(what, number), "the viewer is gone");
     }
 
-    /// Returns whether the viewer was still there.
+    /// Asks for a picture, and returns whether the viewer was still there.
     pub(crate) fn try_look(&mut self, what: u8, number: u64) -> bool {
         let message = [&[what][..], &number.to_le_bytes()].concat();
         if self.socket.send(Message::binary(message)).is_err() {
@@ -166,7 +166,7 @@ impl Page {
         }
     }
 
-    /// Looks until it sees that it is so.
+    /// Asks for pictures until the condition holds.
     pub(crate) fn until(&mut self, what: &str, is_so: impl Fn(&Seen) -> bool) {
         let start = std::time::Instant::now();
         while !is_so(&self.seen) {
@@ -175,7 +175,7 @@ impl Page {
         }
     }
 
-    /// Takes in a message; returns whether it was the last of an answer.
+    /// Takes in a message. Returns whether it was the last of an answer.
     fn take(&mut self, message: &Bytes) -> bool {
         let u32 = |at: usize| u32::from_le_bytes(message[at..at + 4].try_into().unwrap());
         let f32 = |at: usize| f32::from_bits(u32(at));

@@ -1,10 +1,11 @@
-//! Tests the viewer of `dcd replay`, which goes to any tick of a recording, and the glTF files that it writes.
+//! Tests the viewer of `dcd replay`, which goes to any tick of a recording, and the glTF files that it
+//! writes.
 
 use std::path::Path;
 
 use crate::process::{GO, PAST, PAUSE, Page, Process, SEE, SPEED, STEP, Seen};
 
-/// Records a pile for two seconds, and returns what it is replayed by.
+/// Records a pile for two seconds, and returns the file of the recording.
 fn recorded(folder: &Path) -> String {
     let file = folder.join("pile.dcdr").to_str().unwrap().to_owned();
     let scene = ["run", "pile", "--set", "n=100", "--regions", "3", "--seconds", "2", "--json"];
@@ -33,7 +34,7 @@ fn a_recording_goes_to_any_tick_forwards_and_backwards() {
     go(&mut page, 20);
     let at_20 = page.seen.rows.clone();
     assert_ne!(at_20, at_90);
-    // A picture of what came later is not kept: it would be of another time than its tick.
+    // Pictures of later ticks are not kept, since they would be of another time than their ticks.
     assert_eq!((page.seen.oldest, page.seen.newest), (20.0, 20.0));
     page.ask(STEP, 3);
     page.until("it stepped", |seen| seen.tick == 23.0);
@@ -41,7 +42,7 @@ fn a_recording_goes_to_any_tick_forwards_and_backwards() {
     assert_eq!(page.seen.rows, at_20);
     go(&mut page, 90);
     assert_eq!(page.seen.rows, at_90, "the same to the bit");
-    // Beyond the end is the end, where it stays.
+    // Beyond the end it goes to the end, and stays there.
     page.ask(GO, 5000);
     page.until("it comes to the end", |seen| seen.tick == 120.0);
     page.ask(PAUSE, 0);

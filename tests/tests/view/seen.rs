@@ -1,4 +1,5 @@
-//! Looks at the page in a headless browser: its own counters, and its pixels. Pictures are kept below the target folder, in `tmp/view`.
+//! Looks at the page in a headless browser: its own counters, and its pixels. Pictures are kept below the
+//! target folder, in `tmp/view`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,11 +10,11 @@ use serde_json::{Value, json};
 use crate::process::Process;
 
 const SIZE: (u32, u32) = (1280, 800);
-/// The colours of the first four regions, as `main.js` has them.
+/// The colours of the first four regions, as in `main.js`.
 const OWNERS: [[i32; 3]; 4] =
     [[0x42, 0x69, 0xd0], [0xef, 0xb1, 0x18], [0x3c, 0xa9, 0x51], [0xff, 0x72, 0x5c]];
 
-/// Starts a browser, or says that there is none.
+/// Starts a browser, or prints that there is none.
 fn browser() -> Option<Browser> {
     let browser = Browser::start(SIZE.0, SIZE.1);
     if browser.is_none() {
@@ -28,7 +29,7 @@ fn kept(name: &str) -> PathBuf {
     folder.join(name)
 }
 
-/// The pixels of a picture, three bytes each.
+/// Returns the pixels of a picture, three channels each.
 fn pixels(png: &[u8]) -> Vec<[i32; 3]> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
@@ -36,7 +37,7 @@ fn pixels(png: &[u8]) -> Vec<[i32; 3]> {
     bytes.chunks_exact(info.color_type.samples()).map(|p| [p[0], p[1], p[2]].map(i32::from)).collect()
 }
 
-/// How many pixels have the hue of each owner, light or shaded.
+/// Returns how many pixels have the hue of each owner, light or shaded.
 fn owners_seen(pixels: &[[i32; 3]]) -> [usize; 4] {
     let mut counts = [0; 4];
     for pixel in pixels {
@@ -67,7 +68,7 @@ fn the_page_shows_every_owner_in_its_colour_by_day_and_by_night() {
         assert_eq!(counters["instances"], json!(1501), "{counters}");
         let first_ms = counters["firstPictureMs"].as_f64().unwrap();
         println!("{scheme}: first picture after {first_ms:.0} ms");
-        // A second on a quiet machine; tests run beside others.
+        // A second on a quiet machine; other tests run beside this one.
         assert!(first_ms < 10_000.0, "{counters}");
         let pixels = pixels(&browser.keep_picture(&kept(&format!("pile-{scheme}.png"))));
         let seen = owners_seen(&pixels);
@@ -90,7 +91,7 @@ fn keys_and_clicks_pause_the_world_choose_a_body_and_go_back_in_time() {
     browser.press(" ");
     browser.until("window.dcd.counters.paused");
     assert_eq!(browser.eval("document.getElementById('play').textContent"), json!("play"));
-    // What was under way when it was paused comes first.
+    // A picture that was on its way when the world was paused comes first.
     browser.until("window.dcd.scene.frame.tick === Number(document.getElementById('scrub').max)");
     let paused = browser.eval("window.dcd.counters.tick").as_f64().unwrap();
     browser.press(".");
@@ -135,7 +136,7 @@ fn the_slider_of_a_recording_goes_to_any_tick() {
     browser.press("[");
     browser.until("window.dcd.counters.tick === 40");
     browser.keep_picture(&kept("recording.png"));
-    // It goes on from where one looks.
+    // It goes on from the shown tick.
     browser.press(" ");
     browser.until("!window.dcd.counters.paused && window.dcd.counters.tick > 60");
 }
@@ -164,7 +165,7 @@ fn a_page_comes_back_after_its_link_was_lost_with_the_body_that_was_chosen() {
     browser.until("window.dcd.counters.tick >= 5");
     browser.eval("window.dcd.choose(3); 0");
     browser.until("document.getElementById('chosen-facts').textContent.includes('epoch')");
-    // The page's socket is that which sends.
+    // Finds the page's socket: the one that sends.
     browser.eval(
         "(() => { const { send } = WebSocket.prototype; WebSocket.prototype.send = function (...what) { \
          WebSocket.prototype.send = send; window.link = this; send.apply(this, what); }; return 0; })()",
@@ -190,7 +191,8 @@ fn a_followed_body_that_is_gone_leaves_the_camera_where_it_is_and_the_panel_with
     browser.eval("window.dcd.choose(3); document.getElementById('follow').click(); 0");
     let place = browser.eval("window.dcd.scene.place(3, 1)");
     browser.until("String(window.dcd.camera.target) === String(window.dcd.scene.place(3, 1))");
-    // A picture in which it, and all else, is gone; shown again if the server's last one comes after it.
+    // Shows a picture without this and all other bodies, and again if the server's last picture comes after
+    // it.
     browser.until(
         "(() => { const { scene } = window.dcd, { frame } = scene; \
          if (document.getElementById('chosen-facts').textContent === 'placenot in this picture') return true; \
@@ -258,7 +260,8 @@ fn what_comes_with_each_picture_of_a_tick_is_counted() {
     assert_eq!(told, json!([[4, 100, 0], [5, 950, 3]]));
 }
 
-/// 20,000 bodies in software: said, and bounded only where nothing else runs (`cargo test -p dcd-tests --test view -- --ignored`).
+/// Draws 20,000 bodies in software. The rate is printed, and bounded only where nothing else runs
+/// (`cargo test -p dcd-tests --test view -- --ignored`).
 #[test]
 #[ignore = "measures"]
 fn twenty_thousand_bodies_are_drawn_ten_times_a_second_in_software() {
@@ -269,7 +272,7 @@ fn twenty_thousand_bodies_are_drawn_ten_times_a_second_in_software() {
     let counters = browser.eval("window.dcd.counters");
     browser.press(" ");
     browser.until("window.dcd.counters.paused");
-    // The camera turns, so that every picture is drawn anew.
+    // The camera turns, so that every picture is drawn again.
     let per_second = browser.eval(
         "new Promise((done) => { const start = performance.now(), from = window.dcd.counters.drawn; \
          const turn = () => { window.dcd.camera.turn(0.01, 0); \

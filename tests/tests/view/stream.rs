@@ -1,4 +1,4 @@
-//! Reads the stream of a viewer: what it holds, who may read it, and that nobody is held up.
+//! Reads the stream of a viewer: what it holds, who may read it, and that no page holds up others.
 
 use std::io::Read;
 
@@ -40,7 +40,7 @@ fn a_page_pauses_the_world_steps_it_and_goes_back() {
     page.until("there is a past", |seen| seen.newest >= 10.0);
     page.ask(PAUSE, 1);
     page.until("it pauses", |seen| seen.paused);
-    // What was under way when it was paused.
+    // Skips pictures that were on their way when the world was paused.
     page.look(SEE, 0);
     page.look(SEE, 0);
     let paused = page.seen.newest;
@@ -81,7 +81,7 @@ fn a_body_that_is_chosen_is_told_of_and_contacts_are_shown_when_asked_for() {
     page.until("contacts are shown", |seen| seen.contacts > 50);
     page.ask(PAUSE, 1);
     page.until("it pauses", |seen| seen.paused);
-    // What was under way when it was paused.
+    // Skips pictures that were on their way when the world was paused.
     page.look(SEE, 0);
     page.look(SEE, 0);
     page.seen.details = None;
@@ -150,12 +150,12 @@ fn viewers_are_few_and_one_that_does_not_read_holds_up_nobody() {
     let (_process, url) = pile();
     let mut pages: Vec<Page> = (0..8).map(|_| Page::open(&url).unwrap()).collect();
     assert!(Page::open(&url).err().is_some_and(|answer| answer.contains("503")));
-    // It asks, and reads nothing.
+    // This page asks, and reads nothing.
     let mut idle = pages.pop().unwrap();
     for _ in 0..1000 {
         idle.ask(SEE, 0);
     }
-    // This one says what is no message, and is let go.
+    // This page sends an invalid message, and is disconnected.
     let mut odd = pages.pop().unwrap();
     odd.ask(99, 0);
     while odd.socket.read().is_ok() {}
@@ -235,8 +235,8 @@ fn a_viewer_takes_a_world_of_regions_and_an_address_that_is_free() {
     assert!(taken.line("error: ").contains("choose an address of this machine and a free port"));
 }
 
-/// What a page that reads as fast as it can costs the world: said, and bounded only where nothing else runs
-/// (`cargo test -p dcd-tests --test view -- --ignored`).
+/// Measures what a page that reads as fast as it can costs the world. The cost is printed, and bounded only
+/// where nothing else runs (`cargo test -p dcd-tests --test view -- --ignored`).
 #[test]
 #[ignore = "measures"]
 fn a_viewer_slows_no_step_by_more_than_two_percent() {

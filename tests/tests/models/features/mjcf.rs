@@ -1,4 +1,4 @@
-//! Lists the features of MJCF, and what becomes of each.
+//! Lists the features of MJCF, and the fate of each.
 
 use dcd::scene::Scene;
 use rapier3d::prelude::*;
@@ -6,19 +6,20 @@ use rapier3d::prelude::*;
 use super::Fate::{Carried, Refused, Unused, Warned};
 use super::{Row, any, apart, at, ends, joint, limits, mass, motor, near, near3, only, row};
 
-/// A file with a world of these bodies.
+/// Returns a file with a world of these bodies.
 fn world(bodies: &str) -> String {
     format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>")
 }
 
-/// A file with one ball that flies, and these sections.
+/// Returns a file with one free ball, and these sections.
 fn ball(sections: &str) -> String {
     format!(
         r#"<mujoco>{sections}<worldbody><body name="b"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"#
     )
 }
 
-/// A ball on a joint with these attributes, as body 1 after the world, and these sections.
+/// Returns a file with a ball on a joint with these attributes, as body 1 after the world, and these
+/// sections.
 fn arm(attributes: &str, sections: &str) -> String {
     format!(
         r#"<mujoco>{sections}<worldbody><body name="b" pos="0 0 1"><joint name="j" {attributes}/>
@@ -26,14 +27,14 @@ fn arm(attributes: &str, sections: &str) -> String {
     )
 }
 
-/// A body that another file has, in one that stands.
+/// Returns a file with a fixed body to which a body of another file is attached.
 fn attach(file: &str, body: &str) -> String {
     format!(
         r#"<mujoco><asset><model name="m" file="{file}"/></asset><worldbody><body pos="0 0 5"><attach model="m" body="{body}" prefix="p"/></body></worldbody></mujoco>"#
     )
 }
 
-/// Three geoms that have the one of position and orientation, and of their classes the other.
+/// Returns a file with three geoms that set position or orientation, and take the rest from their classes.
 fn classes() -> String {
     let classes = r#"<default>
         <default class="wheel"><geom type="cylinder" size=".1 .02" zaxis="0 1 0"/><default class="high"><geom pos="0 0 1"/></default></default>
@@ -42,7 +43,7 @@ fn classes() -> String {
     format!("<mujoco>{classes}<worldbody>{body}</worldbody></mujoco>")
 }
 
-/// A body that flies, of this geom.
+/// Returns a file with a free body of this geom.
 fn geom(attributes: &str) -> String {
     world(&format!(r#"<body name="b"><freejoint/><geom name="g" {attributes}/></body>"#))
 }
@@ -353,7 +354,7 @@ fn rest() -> Vec<Row> {
         world(TWO).replace("<worldbody>", &format!("<equality>{element}</equality><worldbody>"))
     };
     let tendon = r#"<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>"#;
-    // A quarter of a turn about z, and its weight above its origin: its own x is the world's y.
+    // A quarter of a turn about z, with the mass above the body's origin: the body's own x is the world's y.
     let flying = geom(r#"size=".1" pos="0 0 1""#).replace(
         "<worldbody>",
         r#"<keyframe><key qpos="0 0 0 .7 0 0 .7" qvel="0 0 3 2 0 0"/></keyframe><worldbody>"#,

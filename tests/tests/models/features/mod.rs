@@ -1,5 +1,5 @@
-//! Tests every feature of the formats in a file of its own: it is carried, warned of, refused, or has no effect, as the tables in
-//! `dcd/scenes/models/README.md` say.
+//! Tests every feature of the formats with a file of its own: it is carried, warned of, refused, or has no
+//! effect, as the tables in `dcd/scenes/models/README.md` say.
 
 mod mjcf;
 mod urdf;
@@ -11,20 +11,20 @@ use dcd::scene::{Params, Scene, SceneError};
 use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
 
-/// What becomes of a feature.
+/// The fate of a feature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fate {
-    /// The scene has it, as the row's check finds.
+    /// The scene has it, as the row's check confirms.
     Carried,
-    /// The scene is without it, and says so.
+    /// The scene lacks it, and says so by a warning.
     Warned,
-    /// There is no scene.
+    /// The file is refused.
     Refused,
     /// Nothing that moves depends on it.
     Unused,
 }
 
-/// A feature: its name in the table, the file, what to look at in the scene.
+/// A feature: its name in the table, its fate, a file, and a check of the scene.
 struct Row {
     name: &'static str,
     fate: Fate,
@@ -37,7 +37,7 @@ fn row(name: &'static str, fate: Fate, file: String, check: fn(&Scene) -> bool) 
     Row { name, fate, file, params: "", check }
 }
 
-/// One body and no word about the feature.
+/// Returns whether there is one body and no warning.
 fn only(scene: &Scene) -> bool {
     scene.bodies.len() == 1 && scene.warnings.is_empty()
 }
@@ -61,7 +61,7 @@ fn near3(a: Vector, b: [f32; 3]) -> bool {
     a.to_array().into_iter().zip(b).all(|(a, b)| near(a, b))
 }
 
-/// Where a collider of the first body ends, in its space.
+/// Returns the corners of the box around a collider of the first body, in the body's space.
 fn ends(scene: &Scene, collider: usize) -> [Vector; 2] {
     let collider = &scene.bodies[0].colliders[collider];
     let around = collider.shape.compute_aabb(&collider.position);
@@ -72,14 +72,14 @@ fn joint(scene: &Scene, index: usize) -> &GenericJoint {
     &scene.joints[index].joint
 }
 
-/// Limits of an axis, if it has any.
+/// Returns the limits of an axis, if it has any.
 fn limits(scene: &Scene, index: usize, axis: JointAxis) -> Option<[f32; 2]> {
     let joint = joint(scene, index);
     let limits = &joint.limits[axis as usize];
     joint.limit_axes.contains(axis.into()).then_some([limits.min, limits.max])
 }
 
-/// Stiffness, damping and target of an axis, if it has a motor by force.
+/// Returns stiffness, damping and target of an axis, if it has a motor by force.
 fn motor(scene: &Scene, index: usize, axis: JointAxis) -> Option<[f32; 3]> {
     let joint = joint(scene, index);
     let motor = &joint.motors[axis as usize];
@@ -91,7 +91,7 @@ fn at(scene: &Scene, body: usize, place: [f32; 3]) -> bool {
     near3(Vector::from(scene.bodies[body].pose.translation.map(|v| v as f32)), place)
 }
 
-/// The two bodies go through each other.
+/// Returns whether two bodies pass through each other.
 fn apart(scene: &Scene, a: usize, b: usize) -> bool {
     scene
         .joints
@@ -116,7 +116,7 @@ const TETRA_DAE: &str = r##"<?xml version="1.0"?><COLLADA xmlns="http://www.coll
 <library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#t"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"##;
 const PART_XML: &str = r#"<mujoco><body name="included"><freejoint/><geom size=".1"/></body></mujoco>"#;
-/// Turned, and moved after that, in centimetres.
+/// A node that is turned, and in it one that is moved, in centimetres.
 const TURNED: &str = r##"<node><rotate>0 0 1 90</rotate><node><translate>100 0 0</translate><instance_geometry url="#t"/></node></node>"##;
 const TWICE: &str = r##"<node><instance_geometry url="#t"/></node><node><translate>5 0 0</translate><instance_geometry url="#t"/></node>"##;
 const SKEWED: &str = r##"<node><skew>45 0 1 0 1 0 0</skew><instance_geometry url="#t"/></node>"##;
@@ -125,7 +125,7 @@ const POSED_XML: &str = r#"<mujoco><default><geom pos="0 0 1"/></default><worldb
 /// A model of a mesh whose hull is twice as large as what its faces enclose.
 const DENTED_XML: &str = r#"<mujoco><asset><mesh name="m" inertia="convex" vertex="0 0 0 1 0 0 0 1 0 0 0 1 2 0 0" face="0 2 1 0 1 3 0 3 2 1 2 3"/></asset>
 <worldbody><body name="sub"><joint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>"#;
-/// A model that says something of two bodies, of which one may be attached.
+/// A model with statements about two bodies, of which only one may be attached.
 const HAND_XML: &str = r#"<mujoco><worldbody><body name="base"><geom size=".1"/></body><body name="hand"><joint/><geom size=".1"/></body></worldbody>
 <contact><exclude body1="hand" body2="base"/></contact><equality><weld body1="hand" body2="base"/></equality></mujoco>"#;
 const SUB_XML: &str = r#"<mujoco><worldbody><body name="sub"><joint axis="0 0 1"/><geom size=".1"/></body></worldbody></mujoco>"#;
@@ -153,7 +153,7 @@ fn load(row: &Row, extension: &str) -> Result<Scene, SceneError> {
     Scene::load(path, &Params::from_args(row.params.split_whitespace()).unwrap())
 }
 
-/// Every row of one format does what it says, and the table of the format has the same rows.
+/// Checks that every row of a format has its fate, and that the format's table has the same rows.
 fn check(rows: &[Row], extension: &str, heading: &str) {
     let mut wrong = Vec::new();
     for row in rows {

@@ -1,23 +1,23 @@
-//! Lists the features of URDF, and what becomes of each.
+//! Lists the features of URDF, and the fate of each.
 
 use rapier3d::prelude::*;
 
 use super::Fate::{Carried, Refused, Unused, Warned};
 use super::{Row, any, apart, at, ends, joint, limits, mass, motor, near, near3, only, row};
 
-/// A robot of these elements.
+/// Returns a robot of these elements.
 fn robot(elements: &str) -> String {
     format!(r#"<robot name="r">{elements}</robot>"#)
 }
 
-/// A link of 1 kg, and these elements.
+/// Returns a link of 1 kg with these elements.
 fn link(name: &str, elements: &str) -> String {
     format!(
         r#"<link name="{name}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>{elements}</link>"#
     )
 }
 
-/// One link of this collision geometry.
+/// Returns a robot of one link with this collision geometry.
 fn shape(geometry: &str) -> String {
     robot(&link(
         "a",
@@ -25,7 +25,7 @@ fn shape(geometry: &str) -> String {
     ))
 }
 
-/// Two links with a box each on a joint of this type with these elements.
+/// Returns a robot of two links with a box each, on a joint of this type with these elements.
 fn arm(kind: &str, elements: &str) -> String {
     let cube = r#"<collision><geometry><box size=".2 .2 .2"/></geometry></collision>"#;
     robot(&format!(

@@ -57,7 +57,7 @@ pub const DCD_DRAWN_CAPSULE: DcdDrawnKind = 2;
 pub const DCD_DRAWN_CYLINDER: DcdDrawnKind = 3;
 /// A cone whose tip is at +y; size[0] is the radius of its base, size[1] half of its height.
 pub const DCD_DRAWN_CONE: DcdDrawnKind = 4;
-/// A half space: all below the plane y = 0.
+/// A half-space: all below the plane y = 0.
 pub const DCD_DRAWN_HALF_SPACE: DcdDrawnKind = 5;
 /// A mesh of triangles, or of lines, which are triangles of which two corners are the same.
 pub const DCD_DRAWN_MESH: DcdDrawnKind = 6;

@@ -18,7 +18,7 @@ pub const DCD_FIDELITY_OFF: DcdFidelity = 1;
 /// As DCD_FIDELITY_TOLERANCE of 0.33 m/s.
 pub const DCD_FIDELITY_AUTO: DcdFidelity = 2;
 /// What is looked at is computed in full. All else is computed as seldom as keeps the mean error of a body's velocity per step
-/// below DcdWorldDef.fidelity_limit, m/s. The result is the same on every machine, with any number of threads.
+/// below DcdWorldDef.fidelity_limit, m/s. The result is the same with any number of threads.
 pub const DCD_FIDELITY_TOLERANCE: DcdFidelity = 3;
 /// As much is computed in full as fits into DcdWorldDef.fidelity_limit, milliseconds per step, what is looked at before all else.
 /// It depends on the time that steps take, so no two runs are the same; a recording keeps what was chosen (dcd_record).

@@ -81,7 +81,7 @@ pub struct DcdServerDef {
     /// Number of steps from one state of a moving body that clients are told to the next, 1 to 30. Clients show the steps between
     /// by interpolation (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
     pub state_every: u32,
-    /// Share of participants, 0 to 1, whose regions the leading node computes once more, to compare; 0: none. A participant that
+    /// Share of participants, 0 to 1, whose regions the leader computes once more, to compare; 0: none. A participant that
     /// computes otherwise is sent away. Which ones are drawn is not told. It needs lockstep, and a node that is no participant and
     /// computes as many more regions.
     pub verify: f32,
@@ -268,9 +268,9 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
     })
 }
 
-/// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. Like
-/// clients, they dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
-/// dcd_world_destroy frees the handle.
+/// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. All
+/// processes dial a server that is made in the same way: nodes without end, clients and participants for half a minute
+/// (give_up_ms). From here on dcd_step fails with DCD_ERR_NETWORK; dcd_world_destroy frees the handle.
 ///
 /// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (the world is not a server).
 #[unsafe(no_mangle)]

@@ -244,7 +244,7 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
     })
 }
 
-/// Makes a half space: all behind the plane through its origin from which `normal` points away, without end. `normal` has any
+/// Makes a half-space: all behind the plane through its origin from which `normal` points away, without end. `normal` has any
 /// length above 0. Use it as ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (a normal out of range or without length).

@@ -33,7 +33,7 @@ pub const DCD_SHAPE_MESH: DcdShapeKind = 6;
 pub const DCD_SHAPE_HEIGHTFIELD: DcdShapeKind = 7;
 /// A compound: several shapes, `parts` of them.
 pub const DCD_SHAPE_COMPOUND: DcdShapeKind = 8;
-/// A half space: all below the plane y = 0.
+/// A half-space: all below the plane y = 0.
 pub const DCD_SHAPE_HALF_SPACE: DcdShapeKind = 9;
 /// Lines between vertices, as triangles of which two corners are the same.
 pub const DCD_SHAPE_LINES: DcdShapeKind = 10;

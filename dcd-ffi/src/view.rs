@@ -19,10 +19,10 @@ pub struct DcdViewTime {
     pub struct_size: u32,
     /// Reserved; must be 0.
     pub reserved: u32,
-    /// Tick that the world is at, as far as known. Use it for what must not lag, such as an own avatar. What moves is extrapolated.
+    /// Tick that the world is at, as far as known. What is shown at it is extrapolated. For own avatars use `predicted`.
     pub now: f64,
     /// Tick whose states have come by now, a little ago. Use it for all else. It goes forward evenly, unless ticks are counted
-    /// anew: where a guess is withdrawn, or the world goes back to a save.
+    /// anew: where a speculative tick is taken back, or the world goes back to a save.
     pub shown: f64,
     /// Tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set). Own avatars, with what they
     /// touch, are shown at it. Otherwise it is the same as `now`.

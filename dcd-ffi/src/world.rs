@@ -27,7 +27,8 @@ pub const DCD_COUPLING_OWNER: DcdCoupling = 2;
 /// Bodies near a border live in both regions. Each copy has a part of the mass (mass splitting), and all copies take their mean
 /// velocity (consensus).
 pub const DCD_COUPLING_OVERLAP: DcdCoupling = 3;
-/// As DCD_COUPLING_OVERLAP, and a small island (a group of bodies that touch one another) moves whole to one region.
+/// Both regions solve with whole copies, and bodies that stay in touch (an island) move whole to one region. An island above
+/// island_limit is treated as with DCD_COUPLING_OVERLAP.
 pub const DCD_COUPLING_ISLAND: DcdCoupling = 4;
 /// As DCD_COUPLING_ISLAND, with as many exchanges at each border as the disagreement of its copies asks for.
 pub const DCD_COUPLING_AUTO: DcdCoupling = 5;
@@ -72,7 +73,7 @@ pub struct DcdWorldDef {
     pub solver_iterations: u32,
     /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Length of a step, seconds, above 0. It belongs to the world: all processes of a cluster share it.
+    /// Length of a step, seconds, above 0. It belongs to the world: all processes that compute a world share it.
     pub dt: f32,
     /// Lowest corner of the box that is cut into regions, metres. Bodies may leave the box: outer regions reach to infinity.
     pub min: [f64; 3],

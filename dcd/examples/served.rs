@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         game.set_velocity(player, Velocity { linear: [12.0, 0.0, 0.0], angular: [0.0; 3] })?;
         game.poll(Duration::from_millis(100));
         game.step()?;
-        // Drawing, once per frame: the player where the world is by now, all else as it was a moment ago.
+        // Drawing, once per frame: the player ahead of the world, all else as it was a moment ago.
         let time = game.view_time();
         let highest = game.movable_bodies_at(&time).map(|body| body.pose.translation[1]).fold(0.0, f64::max);
         if game.tick().0 / 60 > seconds {

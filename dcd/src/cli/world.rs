@@ -37,7 +37,7 @@ pub(super) struct CutArgs {
     /// island; 256 for a scene by `dcd serve`; at most 16 to 256 for a balanced world of `dcd run`]
     #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
-    /// The disagreement of ghosts that `auto` tolerates, in metres per second [default: 0.03]
+    /// The disagreement of copies that `auto` tolerates, in metres per second [default: 0.03]
     #[arg(long, value_name = "M_S", value_parser = tolerance)]
     tolerance: Option<f32>,
     /// How much accuracy `auto` is asked for; sets the four options above, which still override it

@@ -32,7 +32,7 @@ pub enum Fidelity {
     #[default]
     Off,
     /// What is looked at is computed in full, all else as seldom as keeps the mean error of its bodies below
-    /// a tolerance. The result is the same on every machine, with any number of threads.
+    /// a tolerance. The result is the same with any number of threads.
     Tolerance {
         /// The tolerated error of a body's velocity per tick, on average, m/s; above 0.
         m_s: f32,

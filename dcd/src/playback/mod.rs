@@ -33,11 +33,11 @@ const SWEEP: f64 = 60.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ViewTime {
-    /// The tick that the world is at, as far as it is known: for what must not lag, such as own avatars.
+    /// The tick that the world is at, as far as it is known. For own avatars use `predicted`.
     /// Moving bodies are extrapolated to it.
     pub now: f64,
     /// A tick a little ago, whose states have arrived by now: for all else. It advances evenly, unless ticks
-    /// are counted anew because a guess is withdrawn or the world goes back to a save.
+    /// are counted anew because a speculative tick is taken back or the world goes back to a save.
     pub shown: f64,
     /// The tick in which nodes apply what an own avatar is asked now, where a client predicts
     /// ([`World::set_prediction`](crate::World::set_prediction)). Own avatars and what they touch are shown

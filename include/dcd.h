@@ -4,7 +4,7 @@
  * differ say so. dcd_last_error() gives the message of the calling thread's last failure: function, cause, remedy.
  *
  * Handles. Worlds, bodies, shapes, joints and connections are opaque numbers in a struct; { 0 } is null. A null handle gives
- * DCD_ERR_NULL. A handle whose thing is gone, or that belongs to another world, gives DCD_ERR_STALE_ID, for ever.
+ * DCD_ERR_NULL. A handle whose thing is gone, or that belongs to another world, gives DCD_ERR_STALE_ID. DcdBodyId names the cases in which an id is given again.
  *
  * Roles. A world is local, a client's, a builder's, a participant's, a server's or a node's. The functions are the same for all roles.
  * What a role cannot do gives DCD_ERR_UNSUPPORTED; the message says what to use instead. "Who can do what" in examples-c/README.md is
@@ -401,7 +401,7 @@ typedef struct DcdWorldDef {
     uint32_t solver_iterations;
     // Gravity, m/s².
     float gravity[3];
-    // Length of a step, seconds, above 0. It belongs to the world: all processes of a cluster share it.
+    // Length of a step, seconds, above 0. It belongs to the world: all processes that compute a world share it.
     float dt;
     // Lowest corner of the box that is cut into regions, metres. Bodies may leave the box: outer regions reach to infinity.
     double min[3];
@@ -599,7 +599,7 @@ typedef struct DcdServerDef {
     // Number of steps from one state of a moving body that clients are told to the next, 1 to 30. Clients show the steps between
     // by interpolation (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
     uint32_t state_every;
-    // Share of participants, 0 to 1, whose regions the leading node computes once more, to compare; 0: none. A participant that
+    // Share of participants, 0 to 1, whose regions the leader computes once more, to compare; 0: none. A participant that
     // computes otherwise is sent away. Which ones are drawn is not told. It needs lockstep, and a node that is no participant and
     // computes as many more regions.
     float verify;
@@ -1290,10 +1290,10 @@ typedef struct DcdViewTime {
     uint32_t struct_size;
     // Reserved; must be 0.
     uint32_t reserved;
-    // Tick that the world is at, as far as known. Use it for what must not lag, such as an own avatar. What moves is extrapolated.
+    // Tick that the world is at, as far as known. What is shown at it is extrapolated. For own avatars use `predicted`.
     double now;
     // Tick whose states have come by now, a little ago. Use it for all else. It goes forward evenly, unless ticks are counted
-    // anew: where a guess is withdrawn, or the world goes back to a save.
+    // anew: where a speculative tick is taken back, or the world goes back to a save.
     double shown;
     // Tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set). Own avatars, with what they
     // touch, are shown at it. Otherwise it is the same as `now`.
@@ -2234,7 +2234,8 @@ typedef struct DcdForce {
 // velocity (consensus).
 #define DCD_COUPLING_OVERLAP 3
 
-// As DCD_COUPLING_OVERLAP, and a small island (a group of bodies that touch one another) moves whole to one region.
+// Both regions solve with whole copies, and bodies that stay in touch (an island) move whole to one region. An island above
+// island_limit is treated as with DCD_COUPLING_OVERLAP.
 #define DCD_COUPLING_ISLAND 4
 
 // As DCD_COUPLING_ISLAND, with as many exchanges at each border as the disagreement of its copies asks for.
@@ -2279,7 +2280,7 @@ typedef struct DcdForce {
 // A compound: several shapes, `parts` of them.
 #define DCD_SHAPE_COMPOUND 8
 
-// A half space: all below the plane y = 0.
+// A half-space: all below the plane y = 0.
 #define DCD_SHAPE_HALF_SPACE 9
 
 // Lines between vertices, as triangles of which two corners are the same.
@@ -2404,7 +2405,7 @@ typedef struct DcdForce {
 // A cone whose tip is at +y; size[0] is the radius of its base, size[1] half of its height.
 #define DCD_DRAWN_CONE 4
 
-// A half space: all below the plane y = 0.
+// A half-space: all below the plane y = 0.
 #define DCD_DRAWN_HALF_SPACE 5
 
 // A mesh of triangles, or of lines, which are triangles of which two corners are the same.
@@ -2472,7 +2473,7 @@ typedef struct DcdForce {
 #define DCD_FIDELITY_AUTO 2
 
 // What is looked at is computed in full. All else is computed as seldom as keeps the mean error of a body's velocity per step
-// below DcdWorldDef.fidelity_limit, m/s. The result is the same on every machine, with any number of threads.
+// below DcdWorldDef.fidelity_limit, m/s. The result is the same with any number of threads.
 #define DCD_FIDELITY_TOLERANCE 3
 
 // As much is computed in full as fits into DcdWorldDef.fidelity_limit, milliseconds per step, what is looked at before all else.
@@ -2659,9 +2660,9 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // - DCD_ERR_LIMIT: no threads.
 DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
 
-// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. Like
-// clients, they dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
-// dcd_world_destroy frees the handle.
+// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. All
+// processes dial a server that is made in the same way: nodes without end, clients and participants for half a minute
+// (give_up_ms). From here on dcd_step fails with DCD_ERR_NETWORK; dcd_world_destroy frees the handle.
 //
 // Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (the world is not a server).
 DCD_API DcdStatus dcd_server_suspend(DcdWorld world);
@@ -2768,7 +2769,7 @@ DcdStatus dcd_shape_heightfield(DcdWorld world,
                                 const float *scale,
                                 DcdShapeId *out);
 
-// Makes a half space: all behind the plane through its origin from which `normal` points away, without end. `normal` has any
+// Makes a half-space: all behind the plane through its origin from which `normal` points away, without end. `normal` has any
 // length above 0. Use it as ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (a normal out of range or without length).

@@ -4,7 +4,8 @@
  * differ say so. dcd_last_error() gives the message of the calling thread's last failure: function, cause, remedy.
  *
  * Handles. Worlds, bodies, shapes, joints and connections are opaque numbers in a struct; { 0 } is null. A null handle gives
- * DCD_ERR_NULL. A handle whose thing is gone, or that belongs to another world, gives DCD_ERR_STALE_ID. DcdBodyId names the cases in which an id is given again.
+ * DCD_ERR_NULL. A handle whose thing is gone, or that belongs to another world, gives DCD_ERR_STALE_ID. DcdBodyId names the cases in
+ * which an id is given again.
  *
  * Roles. A world is local, a client's, a builder's, a participant's, a server's or a node's. The functions are the same for all roles.
  * What a role cannot do gives DCD_ERR_UNSUPPORTED; the message says what to use instead. "Who can do what" in examples-c/README.md is
@@ -881,9 +882,9 @@ typedef struct DcdBodyInfo {
     float torque[3];
     // Number of the body's colliders.
     uint32_t colliders;
-    // Whether the body sleeps: it costs nothing until something wakes it.
+    // Says whether the body sleeps: it costs nothing until something wakes it.
     bool sleeping;
-    // Whether this process's interest does not reach the body (dcd_interest_set). Then this is what was last heard of it.
+    // Says whether this process's interest does not reach the body (dcd_interest_set). Then this is what was last heard of it.
     bool outside;
     // Reserved; always 0.
     uint8_t reserved[2];

@@ -13,13 +13,14 @@ use crate::machine::Machine;
 use crate::page;
 use crate::results::{self, Measured};
 
-/// Where results go, and whether they are measured or only drawn.
+/// The place where results go, and whether they are measured or only drawn.
 #[derive(Args)]
 pub(crate) struct Output {
     /// Measures a few small cases, whose figures are worth nothing.
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` quick-results beside this program].
+    /// The folder of the results [default: benches/results; with `--quick` quick-results beside this
+    /// program].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Draws pictures and tables from the files, without measuring.

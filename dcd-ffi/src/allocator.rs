@@ -69,7 +69,7 @@ mod by_functions {
     unsafe impl Sync for Functions {}
 
     static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
-    /// Whether something was allocated before there were functions. It is freed where it came from, so no functions can be set any
+    /// Says whether something was allocated before there were functions. It is freed where it came from, so no functions can be set any
     /// more.
     static ALLOCATED: AtomicBool = AtomicBool::new(false);
 

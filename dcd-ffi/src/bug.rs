@@ -51,7 +51,7 @@ unsafe impl Sync for Told {}
 static TOLD: RwLock<Option<Told>> = RwLock::new(None);
 
 thread_local! {
-    /// Whether this thread is in the user's function: a panic within it is not reported to it.
+    /// Says whether this thread is in the user's function: a panic within it is not reported to it.
     static TELLING: Cell<bool> = const { Cell::new(false) };
 }
 

@@ -34,9 +34,9 @@ pub struct DcdBodyInfo {
     pub torque: [f32; 3],
     /// Number of the body's colliders.
     pub colliders: u32,
-    /// Whether the body sleeps: it costs nothing until something wakes it.
+    /// Says whether the body sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
-    /// Whether this process's interest does not reach the body (dcd_interest_set). Then this is what was last heard of it.
+    /// Says whether this process's interest does not reach the body (dcd_interest_set). Then this is what was last heard of it.
     pub outside: bool,
     /// Reserved; always 0.
     pub reserved: [u8; 2],

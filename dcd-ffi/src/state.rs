@@ -88,7 +88,7 @@ pub(crate) struct StateBuffers {
     /// Two sets in turn for dcd_state_view, so that one may be read while the next step fills the other.
     sets: [StateArrays; 2],
     newest: usize,
-    /// Whether the program ever asked for a view. Until then no step fills the arrays.
+    /// Says whether the program ever asked for a view. Until then no step fills the arrays.
     wanted: bool,
     /// Arrays that dcd_view_state lends.
     shown: StateArrays,

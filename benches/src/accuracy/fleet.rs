@@ -18,7 +18,7 @@ pub(crate) struct Fault {
     pub late: usize,
     /// The number of exchanges of which one is lost; 0 loses none.
     pub lost_one_in: u64,
-    /// Whether a lost exchange is lost only to regions of higher rank, so that holders disagree on what
+    /// Says whether a lost exchange is lost only to regions of higher rank, so that holders disagree on what
     /// happened. Otherwise all holders skip it.
     pub one_way: bool,
 }

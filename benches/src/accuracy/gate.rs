@@ -19,9 +19,9 @@ const GROUND_FORCE: f64 = 0.01;
 pub(crate) struct Verdict {
     /// The largest error that passes, in the unit of the case.
     pub limit: f64,
-    /// What is wrong, in words; empty when the reading passes.
+    /// The faults, in words; empty when the reading passes.
     pub failures: Vec<String>,
-    /// Whether something besides the error is wrong, which no limit excuses.
+    /// Says whether something besides the error is wrong, which no limit excuses.
     pub broken: bool,
 }
 

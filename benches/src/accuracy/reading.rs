@@ -27,7 +27,7 @@ use super::world::{Bare, Setup};
 /// The error that stands for one that is no number: bodies lost, or thrown to infinity.
 pub(super) const BROKEN: f64 = 1e9;
 
-/// How far aside one body of a twin starts: the smallest step that f32 resolves at ten metres.
+/// The distance by which one body of a twin starts aside: the smallest step that f32 resolves at ten metres.
 const NUDGE_M: f64 = 1e-6;
 
 /// The result of one bare Rapier world with the scene's own settings (R1) for a case.

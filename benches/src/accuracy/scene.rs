@@ -20,7 +20,7 @@ pub(crate) struct Experiment {
     pub cases: fn(Size) -> Vec<Case>,
     /// Numbers of regions that it is cut into besides those asked for.
     pub more_regions: &'static [usize],
-    /// Whether two finer bare worlds add to the picture: R2 shows the time error of one world, R3 the
+    /// Says whether two finer bare worlds add to the picture: R2 shows the time error of one world, R3 the
     /// compliance of its contacts.
     pub finer: bool,
 }
@@ -70,7 +70,7 @@ pub(crate) struct Figure {
     pub within: f64,
 }
 
-/// Where a figure is better than that of one world, so that its distance is no error.
+/// The range in which a figure is better than that of one world, so that its distance is no error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Better {
     /// Nowhere.
@@ -81,12 +81,12 @@ pub(crate) enum Better {
     Towards(f64),
 }
 
-/// How runs are reduced to an error.
+/// The rule that reduces runs to an error.
 pub(crate) enum Measure {
-    /// By a formula; the worst of a case's runs counts.
+    /// A formula; the worst of a case's runs counts.
     Formula(Formula),
-    /// By figures, for chaotic scenes. The error is the distance of a figure's mean over all seeds from that
-    /// of one bare world and its twins, in which one body starts 1 µm aside. The error of one world is the
+    /// Figures, for chaotic scenes. The error is the distance of a figure's mean over all seeds from that of
+    /// one bare world and its twins, in which one body starts 1 µm aside. The error of one world is the
     /// standard deviation of its own runs and their twins. Of several figures, the one counts that is worst
     /// in relation to what is allowed.
     Statistics(Figures),
@@ -100,7 +100,7 @@ pub(crate) struct Case {
     pub scenes: Vec<Scene>,
     /// The scenes that one bare world is run with for the reference, where they are others.
     pub reference_scenes: Option<Vec<Scene>>,
-    /// Whether positions are compared before chaos grows. The error of one world is then that of its twin, in
+    /// Says whether positions are compared before chaos grows. The error of one world is then that of its twin, in
     /// which one body starts 1 µm aside. Regions then exchange once per tick, since a ball that bounces in a
     /// substep is elsewhere than one that bounces in a whole step.
     pub early: bool,
@@ -112,7 +112,7 @@ pub(crate) struct Case {
     pub cuts: Cuts,
     /// What acts on the world from outside.
     pub drive: Option<Drive>,
-    /// How runs become an error.
+    /// The rule that reduces runs to an error.
     pub measure: Measure,
     /// Unit of the error; empty for plain numbers.
     pub unit: &'static str,
@@ -122,9 +122,9 @@ pub(crate) struct Case {
     pub slack: f64,
     /// What rounding alone may add to the error of one world, in the unit of the error.
     pub floor: f64,
-    /// Whether nothing acts from outside, so that momentum must stay.
+    /// Says whether nothing acts from outside, so that momentum must stay.
     pub free: bool,
-    /// Whether everything rests on fixed ground in the last second, so that the ground must carry the weight.
+    /// Says whether everything rests on fixed ground in the last second, so that the ground must carry the weight.
     pub rests: bool,
     /// The number of pairs of colliders that must touch at the end.
     pub pairs: Option<usize>,

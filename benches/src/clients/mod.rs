@@ -55,7 +55,8 @@ struct Row {
     shown_error_p50_mm: f64,
     shown_error_p99_mm: f64,
     shown_error_max_mm: f64,
-    /// By how much what is shown of a body moves otherwise than the body itself, from one frame to the next.
+    /// The distance by which what is shown of a body moves otherwise than the body itself, from one frame to
+    /// the next.
     shown_jump_p99_mm: f64,
     shown_jump_max_mm: f64,
     /// The same for the newest states, as they come.

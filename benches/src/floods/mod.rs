@@ -78,7 +78,7 @@ struct Row {
     node_before_mb: f64,
     node_peak_mb: f64,
     node_after_mb: f64,
-    /// By how much the process that grew most grew, and whether that is within the gate.
+    /// The growth of the process that grew most, and whether that is within the gate.
     grown_mb: f64,
     memory_holds: bool,
     /// The time that the node computes per tick, milliseconds, before and in the flood.
@@ -86,7 +86,7 @@ struct Row {
     tick_p50_ms: f64,
     tick_p99_before_ms: f64,
     tick_p99_ms: f64,
-    /// Whether the 99th percentile is within the gate.
+    /// Says whether the 99th percentile is within the gate.
     ticks_hold: bool,
     ticks_per_s: f64,
     /// Processor time of the node's world per tick, milliseconds, before and in the flood.

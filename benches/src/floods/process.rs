@@ -48,8 +48,8 @@ enum Role {
 /// The ticks of a node since it was last asked.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Ticks {
-    /// When each tick was complete, microseconds since the node's start, and how long it was computed,
-    /// microseconds.
+    /// The time at which each tick was complete, microseconds since the node's start, and how long it was
+    /// computed, microseconds.
     pub(super) ticks: Vec<(u64, u32)>,
 }
 

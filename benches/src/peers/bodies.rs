@@ -27,12 +27,12 @@ pub(super) struct Bodies {
 /// One body with one collider around its middle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
-    /// Whether the body is dynamic; otherwise it is fixed.
+    /// Says whether the body is dynamic; otherwise it is fixed.
     pub(super) moves: bool,
     pub(super) solid: Solid,
     /// The density, kg/m³.
     pub(super) density: f32,
-    /// Where the body starts, and how fast.
+    /// The place and the velocity with which the body starts.
     pub(super) start: State,
 }
 

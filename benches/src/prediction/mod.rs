@@ -40,7 +40,8 @@ struct Row {
     /// Replays that moved what is shown by more than 2 cm, per 100 ticks.
     corrected_percent: f64,
     largest_correction_mm: f64,
-    /// By how much more than its speed says a body moves from one frame to the next, of bodies that move.
+    /// The distance that a body moves from one frame to the next beyond what its speed says, of bodies that
+    /// move.
     jump_p99_mm: f64,
     jump_max_mm: f64,
     frame_p50_us: f64,

@@ -24,7 +24,7 @@ pub(crate) struct ThesisParticipant {
     server: SocketAddr,
     #[arg(long)]
     token: String,
-    /// Where its avatar begins, metres.
+    /// The place where its avatar begins, metres.
     #[arg(long, num_args = 3, allow_negative_numbers = true)]
     at: Vec<f64>,
 }

@@ -16,7 +16,7 @@ pub(crate) struct Cell {
     /// The world; `None` once it is destroyed, for calls that waited meanwhile.
     world: RwLock<Option<World>>,
     background: Mutex<Background>,
-    /// Whether a step that was begun is not done. Every call looks at it, so it has a place of its own.
+    /// Says whether a step that was begun is not done. Every call looks at it, so it has a place of its own.
     stepping: AtomicBool,
     /// Notified when a step in the background is done.
     done: Condvar,
@@ -27,7 +27,7 @@ struct Background {
     thread: Option<(Sender<()>, JoinHandle<()>)>,
     /// Outcome of the step that was begun, until it is asked for.
     outcome: Option<Result<(), Failure>>,
-    /// Whether the world is being destroyed.
+    /// Says whether the world is being destroyed.
     closed: bool,
 }
 

@@ -70,7 +70,7 @@ pub(super) struct Client {
     /// one
     #[arg(long, value_name = "M", value_parser = positive)]
     interest: Option<f32>,
-    /// Also compute a share of the world, as players' machines do
+    /// Compute a share of the world, too, as players' machines do
     #[arg(long)]
     compute: bool,
     /// With --compute: where to listen for other nodes and clients [default: any free port]
@@ -92,7 +92,7 @@ pub(super) struct Client {
     /// Show avatars in the last state received, instead of predicting them
     #[arg(long)]
     no_prediction: bool,
-    /// Also print what the bytes were for: by message, by field of states, and by body
+    /// Print what the bytes were for, too: by message, by field of states, and by body
     #[arg(long)]
     bandwidth: bool,
     /// Join once more with this token, another of `dcd token --role client`, and say how far bodies are shown

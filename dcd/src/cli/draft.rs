@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 /// long run.
 pub(super) struct Draft {
     path: PathBuf,
-    /// Where the file is written first; `None` if it is written directly, as devices and pipes are.
+    /// The path at which the file is written first; `None` if it is written directly, as devices and pipes
+    /// are.
     beside: Option<PathBuf>,
 }
 
@@ -68,7 +69,7 @@ impl Draft {
 }
 
 /// Returns where a file is or will be: the target of a symbolic link.
-fn place_of(path: &Path) -> PathBuf {
+pub(super) fn place_of(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
 

@@ -53,7 +53,7 @@ pub(super) struct Camera {
     draft: Draft,
     stretch: Option<Range<f64>>,
     period_s: f64,
-    /// When the next picture is due.
+    /// The time at which the next picture is due.
     next_s: f64,
     film: Film,
     taken: usize,

@@ -44,7 +44,7 @@ pub(super) struct Node {
     server: Vec<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
-    /// Where to listen for other nodes and clients [default: any free port]
+    /// The address on which to listen for other nodes and clients [default: any free port]
     #[arg(long, value_name = "ADDR", value_parser = address)]
     listen: Option<SocketAddr>,
     /// The address at which others reach this node, if not the one it listens on

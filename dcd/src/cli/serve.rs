@@ -51,7 +51,7 @@ pub(super) struct Serve {
     /// Set a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Where to listen; port 0 takes any free one, 0.0.0.0 listens to other machines too
+    /// The address on which to listen; port 0 takes any free one, 0.0.0.0 listens to other machines too
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
     listen: SocketAddr,
     /// Folder that keeps the server's keys, the list of used tokens, and the world: a server that died goes

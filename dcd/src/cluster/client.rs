@@ -162,7 +162,7 @@ pub struct Client {
     /// The newest tick of its group heard of, and the newest that is not speculative.
     tick: Tick,
     settled: Tick,
-    /// Whether its leader, or the link to it, is new, and has told nothing yet that is not speculative.
+    /// Says whether its leader, or the link to it, is new, and has told nothing yet that is not speculative.
     is_leader_new: bool,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Joints,
@@ -177,13 +177,13 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// Whether it has greeted the server, and was not welcomed yet.
+    /// Says whether it has greeted the server, and was not welcomed yet.
     greeted: bool,
-    /// Whether its link to the server is new, and what may be lost with the link before was not sent again.
+    /// Says whether its link to the server is new, and what may be lost with the link before was not sent again.
     relinked: bool,
-    /// Whether it has had a whole world, so that bodies that it is told of since have appeared.
+    /// Says whether it has had a whole world, so that bodies that it is told of since have appeared.
     has_arrived: bool,
-    /// Whether the world that it is being told replaces the one that it knew; and how often one did before.
+    /// Says whether the world that it is being told replaces the one that it knew; and how often one did before.
     replaced: bool,
     replacements: u64,
     newest: NewestInputs,

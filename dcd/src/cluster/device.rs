@@ -55,7 +55,7 @@ pub enum PhysicsCommand {
     Repartition {
         /// The changes, in this order. They suit the tree.
         changes: Vec<TreeChange>,
-        /// Whether new regions are computed here.
+        /// Says whether new regions are computed here.
         newborn_here: bool,
     },
     /// Apply the operations and compute the first round of a tick. Answered by [`PhysicsEvent::Computed`].
@@ -81,7 +81,7 @@ pub enum PhysicsCommand {
         report: Sampling,
         /// The bodies that it lists for the server.
         checkpoint: Sampling,
-        /// Whether a report of the load is wanted, too.
+        /// Says whether a report of the load is wanted, too.
         load: bool,
     },
     /// Take in border messages that were not taken in yet, without computing. Given before a survey, or a

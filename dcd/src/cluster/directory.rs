@@ -77,7 +77,7 @@ pub struct Entry {
 pub struct Batch {
     /// New values, in order; `None` removes the entry, if there is one.
     pub writes: Vec<(Key, Option<Vec<u8>>)>,
-    /// Whether the batch and all batches before it survive a crash of the machine once it is committed.
+    /// Says whether the batch and all batches before it survive a crash of the machine once it is committed.
     /// Otherwise a crash may undo the batch and all batches after it.
     pub durable: bool,
 }

@@ -100,7 +100,7 @@ pub struct Leader {
     interests: BTreeMap<ClientId, Option<Area>>,
     messages: Vec<(ClientId, ToClient)>,
     server_messages: Vec<ToServer>,
-    /// Whether the server's program hears of all contacts.
+    /// Says whether the server's program hears of all contacts.
     events_to_server: bool,
     thresholds: Thresholds,
     /// The state between groups, while there are other groups.

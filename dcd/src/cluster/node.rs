@@ -133,18 +133,18 @@ pub struct Node {
     others: BTreeSet<NodeId>,
     tick: Tick,
     phase: Phase,
-    /// Whether the physics owes an answer, and for which view change the newest survey or fetch was asked.
+    /// Says whether the physics owes an answer, and for which view change the newest survey or fetch was asked.
     busy: bool,
     asked: Option<ViewNumber>,
     /// The number of answers that the physics owes from before the node began anew.
     void: u32,
-    /// When the physics last answered (speculative ticks and drains aside) or the view began, and how long
-    /// that answer took to come after the one before.
+    /// The time at which the physics last answered (speculative ticks and drains aside) or the view began,
+    /// and how long that answer took to come after the one before.
     since: Duration,
     tick_takes: Duration,
-    /// When the leader last said anything.
+    /// The time at which the leader last said anything.
     since_leader: Option<Duration>,
-    /// When each other member last said that it waits, too.
+    /// The time at which each other member last said that it waits, too.
     waiting: BTreeMap<NodeId, Duration>,
     /// The earliest time at which this node, if it waits, says so again (heartbeat).
     reassure_at: Duration,

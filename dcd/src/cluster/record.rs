@@ -22,9 +22,9 @@ pub enum Life {
     Live,
     /// The nodes have been told to remove the body and have not confirmed yet.
     Removing {
-        /// Whether the body stays on record until its client returns.
+        /// Says whether the body stays on record until its client returns.
         park: bool,
-        /// Whether the client is back already.
+        /// Says whether the client is back already.
         back: bool,
     },
     /// The body is an avatar whose client is away.

@@ -70,7 +70,7 @@ pub struct ServerConfig {
     pub grouping: Grouping,
     /// How long the avatars of a client that left wait for its return.
     pub avatar_expiry: Duration,
-    /// Whether the server's program hears of contacts of bodies that ask for them
+    /// Says whether the server's program hears of contacts of bodies that ask for them
     /// ([`ServerOutput::Contacts`]).
     pub events: bool,
     /// The check that nodes can build the shapes that a client brings. A shape on record that they cannot
@@ -224,7 +224,7 @@ pub struct Server {
     /// How long the server was stopped, in total. That time does not count: what others sent meanwhile is yet
     /// to be heard.
     stopped: Duration,
-    /// Whether the server was stopped before the last event. A server that is late every time is slow, and
+    /// Says whether the server was stopped before the last event. A server that is late every time is slow, and
     /// its time passes.
     was_stopped: bool,
     looked_at: Duration,

@@ -82,7 +82,7 @@ pub(super) struct Models {
     wholes: [Triple; 4],
     /// The outcome of the body before: the guess that held, or that none did.
     before: usize,
-    /// Whether a guess holds only for a body that equals it, and not for one within a step or so.
+    /// Says whether a guess holds only for a body that equals it, and not for one within a step or so.
     is_exact: bool,
 }
 
@@ -311,7 +311,7 @@ fn narrow<T: TryFrom<i64> + Copy + Default>(numbers: [i64; 3]) -> Result<[T; 3],
 /// A writer or a reader of symbols. Each method writes the value that it is given, or ignores it and reads
 /// another; it returns the value that was coded.
 pub(super) trait Coder {
-    /// Whether this is a writer.
+    /// Says whether this is a writer.
     const WRITES: bool;
 
     /// Notes that what follows belongs to this field.

@@ -66,7 +66,7 @@ pub struct Sender {
     delay_ticks: Option<f64>,
     /// How many datagrams acknowledgements may name, and the tick for which that holds.
     allowed: (usize, u64),
-    /// Whether anything was sent since the client last acknowledged anything new.
+    /// Says whether anything was sent since the client last acknowledged anything new.
     waits: bool,
     /// The tick at which it last began anew, referring to nothing told before.
     began: u64,
@@ -93,7 +93,7 @@ struct Version {
     number: u32,
     tick: u64,
     state: Quantised,
-    /// Whether the client shows the body falling from there.
+    /// Says whether the client shows the body falling from there.
     falls: bool,
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct Arrival {
     pub(crate) slot: u32,
     pub(crate) id: BodyId,
     pub(crate) kind: u8,
-    /// Whether it is an avatar of this process.
+    /// Says whether it is an avatar of this process.
     pub(crate) own: bool,
     /// Its pose, if it is fixed.
     pub(crate) fixed: Option<WorldPose>,

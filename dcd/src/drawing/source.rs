@@ -17,9 +17,9 @@ pub(crate) struct Seen {
     pub(crate) velocity_m_s: [f32; 3],
     /// The index of its owner in [`Source::regions`].
     pub(crate) owner: u16,
-    /// Whether it sleeps.
+    /// Says whether it sleeps.
     pub(crate) sleeping: bool,
-    /// Whether it is outside the client's area of interest, so that its state was received some time ago.
+    /// Says whether it is outside the client's area of interest, so that its state was received some time ago.
     pub(crate) outside: bool,
     /// A hash of its look, see [`appearance_of`]; 0 where it is not needed.
     pub(crate) appearance: u64,

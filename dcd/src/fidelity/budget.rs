@@ -9,7 +9,7 @@ const ITERATIONS: usize = 4;
 /// A group of regions that must be at one time, as far as one process computes it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load {
-    /// Whether somebody looks at one of its regions.
+    /// Says whether somebody looks at one of its regions.
     pub watched: bool,
     /// The distance of the nearest viewpoint from the group, metres.
     pub far_m: f64,
@@ -21,7 +21,7 @@ pub(super) struct Load {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plan {
     pub paces: Vec<Pace>,
-    /// Whether no tick is expected to take longer than it may.
+    /// Says whether no tick is expected to take longer than it may.
     pub is_kept: bool,
 }
 

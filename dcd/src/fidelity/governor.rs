@@ -121,7 +121,7 @@ pub struct Governor {
     /// The part of the time that audits may take.
     audited: f64,
     audits_all: bool,
-    /// Where all islands are audited: the sum of their errors, and the sum of their bodies and ticks.
+    /// The sum of the errors of all islands, and the sum of their bodies and ticks, where all are audited.
     #[serde(skip)]
     all: (f64, f64),
     /// What audits may cost by now, in bodies that are stepped once.
@@ -132,11 +132,11 @@ pub struct Governor {
     /// The numbers of regions that are stepped in every tick, in every second, and in every fourth: more
     /// often than chosen if they are bound to others.
     levels: [usize; 3],
-    /// By how many ticks any region may be behind the present after this tick, as known after the last; and
-    /// until when that holds at least.
+    /// The number of ticks by which any region may be behind the present after this tick, as known after the
+    /// last; and until when that holds at least.
     behind_most: u8,
     farther_until: u64,
-    /// Whether regions may be behind at all, since when, and for how long they may not when that has not
+    /// Says whether regions may be behind at all, since when, and for how long they may not when that has not
     /// paid.
     lags: bool,
     lags_since: u64,
@@ -146,7 +146,7 @@ pub struct Governor {
     /// The part of a budget that is planned for, and whether the plan is expected to keep the budget.
     planned: f64,
     is_kept: bool,
-    /// By process: the time of its ticks, and of its regions' steps in them, milliseconds. What is long ago
+    /// The time of each process's ticks, and of its regions' steps in them, milliseconds. What is long ago
     /// counts less.
     #[serde(skip)]
     took_ms: BTreeMap<u64, [f64; 2]>,
@@ -156,7 +156,7 @@ pub struct Governor {
     /// The paces of this tick, chosen or told.
     #[serde(skip)]
     paces: BTreeMap<RegionId, Pace>,
-    /// Whether paces are told, and not chosen.
+    /// Says whether paces are told, and not chosen.
     #[serde(skip)]
     is_told: bool,
 }

@@ -66,9 +66,9 @@ pub struct RegionState {
     pub region: RegionId,
     /// The ticks by which it is behind the present.
     pub behind: u8,
-    /// Whether nothing in it can change by itself, so that it is the same at any time.
+    /// Says whether nothing in it can change by itself, so that it is the same at any time.
     pub rests: bool,
-    /// Whether bodies inserted there wait to be told to regions that it is not at one time with.
+    /// Says whether bodies inserted there wait to be told to regions that it is not at one time with.
     pub awaited: bool,
     /// The regions, by rank, that must be at one time with it, since it shares bodies with them or is about
     /// to.
@@ -133,8 +133,8 @@ pub struct Audited {
 pub struct Schedule {
     /// The regions that stay behind, in id order.
     pub behind: Vec<RegionId>,
-    /// By how many ticks any region may be behind the present after the next tick. Regions look that far
-    /// ahead.
+    /// The number of ticks by which any region may be behind the present after the next tick. Regions look
+    /// that far ahead.
     pub behind_most: u8,
     /// The region to audit in this tick.
     pub audit: Option<Pick>,

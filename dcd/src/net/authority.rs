@@ -43,7 +43,7 @@ pub struct Authority {
     ledger: Mutex<Option<Ledger>>,
     /// The names that are let in with a new token only, with the reason.
     barred: Mutex<BTreeMap<PeerName, String>>,
-    /// Whether this server has ended, so that another one may open the ledger.
+    /// Says whether this server has ended, so that another one may open the ledger.
     is_over: AtomicBool,
 }
 

@@ -43,7 +43,7 @@ pub(super) struct Shared {
     pub(super) connection_slots: Arc<Semaphore>,
     /// Permits. Each handshake or join under way has one.
     pub(super) handshake_slots: Arc<Semaphore>,
-    /// Those of the handshakes and joins that may give way to others.
+    /// The handshakes and joins that may give way to others.
     pub(super) unasked: Unasked,
     pub(super) peers: RwLock<BTreeMap<PeerKey, Arc<Peer>>>,
     /// Peers that we have closed, until their connections are over: their traffic still counts. Locked after

@@ -79,7 +79,7 @@ impl ControllerFactory for ToleratesLoss {
 struct Window {
     mtu: u64,
     bytes: u64,
-    /// Whether there has been no congestion yet.
+    /// Says whether there has been no congestion yet.
     probes: bool,
     round: Round,
     shortest: Shortest,
@@ -129,7 +129,7 @@ struct Round {
     since: Instant,
     acked: u64,
     lost: u64,
-    /// Whether a router said that its queue grows.
+    /// Says whether a router said that its queue grows.
     is_marked: bool,
     trip: Duration,
 }

@@ -78,7 +78,7 @@ pub(super) struct Admission {
 
 /// The answer to a request that is not granted.
 pub(super) struct Refused {
-    /// Whether the token cannot be used, while another one may be.
+    /// Says whether the token cannot be used, while another one may be.
     is_of_token: bool,
     reason: String,
 }

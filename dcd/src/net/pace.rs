@@ -12,7 +12,7 @@ const FRAME_BYTES: usize = 256;
 /// The pace at which frames of one peer are read.
 pub(super) struct Pace {
     per_frame: Duration,
-    /// When everything that was read so far would have come at an even pace.
+    /// The time at which everything that was read so far would have come at an even pace.
     even_at: Mutex<Option<Instant>>,
 }
 

@@ -91,8 +91,8 @@ pub(super) struct Calls {
     handshakes: usize,
     closing: usize,
     counts: Counts,
-    /// When the calls of each source, and those of all, would have come at an even pace. A source that keeps
-    /// to the pace has no entry.
+    /// The times at which the calls of each source, and those of all, would have come at an even pace. A
+    /// source that keeps to the pace has no entry.
     even_at: BTreeMap<Source, Instant>,
     all_even_at: Option<Instant>,
     /// The calls that were ignored last: in order, and with the time when each was ignored first.

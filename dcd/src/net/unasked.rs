@@ -28,7 +28,7 @@ pub(super) struct Unasked(Mutex<Waiting>);
 struct Waiting {
     next: u64,
     places: BTreeMap<u64, Waiter>,
-    /// Those that have proved their names, as far as they give way last.
+    /// The waiters that have proved their names, as far as they give way last.
     proven: BTreeSet<u64>,
     /// All others by source: unfinished handshakes, and connections.
     strangers: BTreeMap<Source, [BTreeSet<u64>; 2]>,

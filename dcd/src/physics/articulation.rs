@@ -13,7 +13,7 @@ use crate::space::BodyId;
 /// The settings of a multibody joint, besides those of every joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkSettings {
-    /// Whether only the program sets the velocities of the joint's degrees of freedom
+    /// Says whether only the program sets the velocities of the joint's degrees of freedom
     /// ([`World::set_link_velocity`](crate::World::set_link_velocity)).
     pub kinematic: bool,
     /// The damping by degree of freedom, the linear ones first, N·s/m or N·m·s. `None` is Rapier's choice:

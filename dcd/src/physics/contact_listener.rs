@@ -18,7 +18,7 @@ use touching::Touching;
 pub(super) struct ContactListener {
     #[serde(skip)]
     heard: Ear,
-    /// By Rapier's collider index.
+    /// The names of colliders, by Rapier's collider index.
     names: Vec<Option<Name>>,
     touching: Touching,
     /// Contacts whose bodies left the region since the last step, each with whether one of the two is a sensor.

@@ -15,7 +15,7 @@ pub(super) struct Outbox {
     /// All regions by rank.
     leaves: Arc<[RegionId]>,
     tick: Tick,
-    /// By rank of the receiver; the empty ones are kept for their memory.
+    /// The messages by rank of the receiver; the empty ones are kept for their memory.
     messages: Vec<(usize, BorderMessage)>,
 }
 

@@ -11,7 +11,7 @@ use crate::space::Bounds;
 /// The cached bounds of hulls, from which the AABB of a body is computed.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Outline {
-    /// By index of the collider on its body; empty if none of them is a hull.
+    /// The bounds of hulls, by index of the collider on its body; empty if no collider is a hull.
     hulls: Box<[Option<Hull>]>,
 }
 

@@ -30,11 +30,11 @@ pub(super) struct Placement {
 
 /// The groups of new bodies that belong together.
 struct Groups {
-    /// By body: the first body of its group.
+    /// The first body of each body's group.
     group: Vec<u32>,
-    /// By first body of a group: how many bodies the group has.
+    /// The number of bodies of each group, by the group's first body.
     sizes: Vec<u32>,
-    /// By body: the first body of its multibody with all that is tied to it, or the body itself.
+    /// The first body of each body's multibody with all that is tied to it, or the body itself.
     assembly: Vec<u32>,
 }
 

@@ -6,7 +6,7 @@ use crate::space::{RegionId, RegionSet};
 
 /// The rank remap: old ranks to new ones.
 pub(super) struct RankRemap {
-    /// By old rank: the new rank. `None` for a region that was given up, of whose bodies no region holds any.
+    /// The new rank by old rank. `None` for a region that was given up, of whose bodies no region holds any.
     pub to: Vec<Option<usize>>,
     /// All regions by new rank.
     pub leaves: Arc<[RegionId]>,

@@ -73,7 +73,7 @@ pub struct Region {
     cell: Cell,
     anchor: [f64; 3],
     world: CowWorld,
-    /// By Rapier's body index.
+    /// The slots of bodies, by Rapier's body index.
     slots: Vec<Option<Slot>>,
     /// The slot at which [`Region::owns_any`] looks first.
     #[serde(skip)]
@@ -99,25 +99,26 @@ pub struct Region {
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
     quarantined: Vec<BodyId>,
-    /// Whether bodies were quarantined in silent steps: the first tick has to tell of these.
+    /// Says whether bodies were quarantined in silent steps: the first tick has to tell of these.
     #[serde(skip)]
     quarantined_before: bool,
     /// The user's hooks that are asked about contacts.
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
     events: RegionEvents,
-    /// Whether anything was changed here, or received from other regions, since the last step.
+    /// Says whether anything was changed here, or received from other regions, since the last step.
     stirred: bool,
-    /// Whether its cell has changed since it last looked for sleeping bodies that lie in another cell.
+    /// Says whether its cell has changed since it last looked for sleeping bodies that lie in another cell.
     passed_over: bool,
-    /// Whether it rests in the present tick.
+    /// Says whether it rests in the present tick.
     rests: bool,
     /// Bodies inserted here as its own that no exchange has announced yet; some may be gone again.
     fresh: Vec<BodyRef>,
     /// Bodies of its own that their user has sped up since the last step.
     launched: Vec<BodyRef>,
-    /// By Rapier's body index: the tick from which on the coupling must check the body again for nearness to a border.
-    /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
+    /// The tick from which on the coupling must check each body again for nearness to a border, by Rapier's
+    /// body index. Kept apart from the slots, so that passing over a body far from any border touches four
+    /// bytes.
     due: Vec<u32>,
     /// The microseconds that the steps of the present tick have taken so far, and a smoothed mean over the
     /// last ticks.
@@ -125,13 +126,13 @@ pub struct Region {
     step_us: f64,
     #[serde(skip)]
     mean_step_us: f64,
-    /// By Rapier's body index: the length of the substep in which Rapier solved the body's contacts last, in seconds.
-    /// Empty as long as all substeps have had one length.
+    /// The length of the substep in which Rapier solved each body's contacts last, in seconds, by Rapier's
+    /// body index. Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
-    /// By Rapier's body index: the length of the solver iterations by which Rapier solved the body last, in seconds. Empty as
-    /// long as all iterations have had one length.
+    /// The length of the solver iterations by which Rapier solved each body last, in seconds, by Rapier's
+    /// body index. Empty as long as all iterations have had one length.
     iterations_s: Vec<f32>,
-    /// Whether it has loads out of proportion, as found last: a body that touches or is tied to a much
+    /// Says whether it has loads out of proportion, as found last: a body that touches or is tied to a much
     /// heavier or lighter one.
     strained: bool,
     signals: Signals,
@@ -142,7 +143,8 @@ pub struct Region {
     roused: Vec<RigidBodyHandle>,
     /// Bodies with joints that were put to sleep among bodies that are awake.
     laid: Vec<RigidBodyHandle>,
-    /// By Rapier's body index: movable bodies that Rapier does not step, since they are disabled or fixed.
+    /// The movable bodies that Rapier does not step, since they are disabled or fixed, by Rapier's body
+    /// index.
     #[serde(skip)]
     unstepped: BTreeMap<u32, RigidBodyHandle>,
     /// The number of changes of what is held here, of where it is, and of what touches; and the same after

@@ -12,9 +12,9 @@ use crate::protocol::{BodyRecord, BodyState, BodyTraits, ColliderRecord, JointRe
 pub(crate) struct Tried {
     pub traits: BodyTraits,
     pub user_data: u128,
-    /// Whether it wakes the body.
+    /// Says whether it wakes the body.
     pub wakes: bool,
-    /// Whether it changes more than traits: pose, velocity, forces, or falling asleep.
+    /// Says whether it changes more than traits: pose, velocity, forces, or falling asleep.
     pub moves: bool,
 }
 

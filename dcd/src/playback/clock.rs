@@ -20,7 +20,7 @@ const DRIFT: f64 = 1e-3;
 pub(super) struct TickClock {
     /// The newest tick heard of, and when it was opened, by our clock, seconds.
     newest: Option<(f64, f64)>,
-    /// When that tick was opened, by the leader's clock, seconds; `None` if that is not known.
+    /// The time at which that tick was opened, by the leader's clock, seconds; `None` if that is not known.
     opened_s: Option<f64>,
     /// The last measured lengths of a tick, seconds.
     rates: VecDeque<f64>,

@@ -29,7 +29,7 @@ const STOOD_S: f64 = 0.25;
 pub(crate) struct Lead {
     /// The predicted tick last returned, the tick that the world was taken to be at then, and the time.
     at: Option<(f64, f64, Duration)>,
-    /// By how many ticks each of the last inputs had to be ahead of the world to arrive in time.
+    /// The number of ticks by which each of the last inputs had to be ahead of the world to arrive in time.
     needed: VecDeque<f64>,
     /// Half the round trip to the leader, by pings, seconds.
     way_s: Option<f64>,

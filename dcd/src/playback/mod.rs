@@ -22,7 +22,7 @@ use self::track::Track;
 use crate::protocol::{SharedState, Stamp};
 use crate::space::BodyId;
 
-/// Where nothing moves, everything up to this many ticks before the shown tick is taken to have been told.
+/// The number of ticks before the shown tick up to which all is taken to have been told, where nothing moves.
 const STILL_UNTOLD: f64 = 20.0;
 
 /// The number of ticks between two sweeps that drop tracks of resting bodies.
@@ -73,14 +73,14 @@ pub(crate) struct Playback {
     clock: TickClock,
     playhead: Playhead,
     tracks: BTreeMap<BodyId, Track>,
-    /// Whether anything moved in the newest batch (then the next should come soon), and its tick.
+    /// Says whether anything moved in the newest batch (then the next should come soon), and its tick.
     moves: bool,
     newest_batch: f64,
     /// The newest tick heard of that is no guess (not speculative).
     settled: f64,
-    /// Whether the newest tick heard of is a guess (speculative).
+    /// Says whether the newest tick heard of is a guess (speculative).
     guesses: bool,
-    /// Whether ticks are counted anew from the next one heard of on.
+    /// Says whether ticks are counted anew from the next one heard of on.
     recounts: bool,
     sweep_at: f64,
 }

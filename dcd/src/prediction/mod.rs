@@ -113,7 +113,7 @@ pub(crate) struct Predictor {
     search_at: Tick,
     /// The changes found since the last frame.
     changes: Option<Changes>,
-    /// Whether anything was inserted, removed or changed since the last prediction: checkpoints are of the
+    /// Says whether anything was inserted, removed or changed since the last prediction: checkpoints are of the
     /// bodies before.
     is_changed: bool,
     told: Option<Told>,

@@ -39,7 +39,7 @@ struct Game {
     /// If set: states are rounded to steps, arrive up to so many ticks later, and one batch in twenty is
     /// lost.
     jitter: Option<u64>,
-    /// Whether nothing is told.
+    /// Says whether nothing is told.
     silent: bool,
     /// The number of ticks for which the world has stood still.
     stood: f64,
@@ -47,7 +47,7 @@ struct Game {
     to_world: VecDeque<(u64, Input)>,
     waiting: Vec<Input>,
     applied: (u64, i8),
-    /// Where the avatar was after each tick, and where it was predicted to be.
+    /// The place where the avatar was after each tick, and the one where it was predicted to be.
     truth: BTreeMap<u64, f64>,
     predicted: BTreeMap<u64, f64>,
     time: ViewTime,
@@ -279,7 +279,7 @@ fn an_input_acts_in_its_frame_and_the_world_does_the_same_some_time_later() {
     }
 }
 
-/// At 100 ms each way, with up to as much jitter.
+/// Runs at 100 ms each way, with up to as much jitter.
 #[test]
 fn a_stack_that_is_pushed_is_predicted_within_centimetres_over_a_bad_network() {
     for jitter in [0, 2, 6] {

@@ -20,7 +20,7 @@ pub enum Alteration {
         traits: Arc<BodyTraits>,
         /// The user's own number.
         user_data: u128,
-        /// Whether the body is woken.
+        /// Says whether the body is woken.
         wakes: bool,
     },
     /// A joint gets these frames, limits, motors and settings. Its bodies stay as they were.

@@ -209,7 +209,7 @@ pub struct BodyState {
     pub force: [f32; 3],
     /// The persistent torque that the program applies, newton metres.
     pub torque: [f32; 3],
-    /// Whether the body sleeps.
+    /// Says whether the body sleeps.
     pub sleeping: bool,
     /// The time for which the body has been still, seconds.
     pub still_s: f32,
@@ -280,7 +280,7 @@ pub struct Groups {
     pub memberships: u32,
     /// The groups that it meets, as bits.
     pub filter: u32,
-    /// Whether one side's match is enough.
+    /// Says whether one side's match is enough.
     pub any: bool,
 }
 
@@ -301,9 +301,9 @@ pub struct ColliderRecord {
     pub restitution: f32,
     /// How two coefficients of restitution combine.
     pub restitution_rule: CombineRule,
-    /// Whether the collider is a sensor, which only detects.
+    /// Says whether the collider is a sensor, which only detects.
     pub sensor: bool,
-    /// Whether the collider takes part in the simulation.
+    /// Says whether the collider takes part in the simulation.
     pub enabled: bool,
     /// The groups that decide which pairs collide.
     pub collision_groups: Groups,
@@ -328,7 +328,7 @@ pub struct ColliderRecord {
 pub struct BodyTraits {
     /// The kind of body.
     pub kind: BodyKind,
-    /// Whether the body takes part in the simulation.
+    /// Says whether the body takes part in the simulation.
     pub enabled: bool,
     /// The damping of linear motion, 1/s.
     pub linear_damping: f32,
@@ -341,13 +341,13 @@ pub struct BodyTraits {
     /// The dominance group: of two bodies in contact, the one of the higher group acts as if it had infinite
     /// mass.
     pub dominance: i8,
-    /// Whether continuous collision detection is on: the body is swept, against moving bodies too.
+    /// Says whether continuous collision detection is on: the body is swept, against moving bodies too.
     pub ccd: bool,
     /// The prediction distance of soft continuous collision detection, metres; 0 for none.
     pub soft_ccd_m: f32,
-    /// Whether the body may spin faster than Rapier's limit.
+    /// Says whether the body may spin faster than Rapier's limit.
     pub fast_rotation: bool,
-    /// Whether gyroscopic torque is applied.
+    /// Says whether gyroscopic torque is applied.
     pub gyroscopic: bool,
     /// The number of additional solver iterations around this body.
     pub extra_solver_iterations: u32,

@@ -23,7 +23,7 @@ pub struct SharedState {
     pub pose: WorldPose,
     /// The velocity.
     pub velocity: Velocity,
-    /// Whether the owner's copy sleeps.
+    /// Says whether the owner's copy sleeps.
     pub sleeping: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct CopyState {
     pub pose: WorldPose,
     /// The velocity of the copy.
     pub velocity: Velocity,
-    /// Whether the copy sleeps.
+    /// Says whether the copy sleeps.
     pub sleeping: bool,
     /// The force of contacts and joints on this copy, newtons, as its region remembers it.
     pub force_n: [f32; 3],
@@ -45,7 +45,7 @@ pub struct CopyState {
     pub torque_nm: [f32; 3],
     /// A hash of the bodies that press on this copy; 0 if none does.
     pub partners: u64,
-    /// Whether the numbers of the copy are finite. If not, they are sent as zero, and the copy does not
+    /// Says whether the numbers of the copy are finite. If not, they are sent as zero, and the copy does not
     /// count.
     pub sound: bool,
     /// From the owner only: the sender's part of the copy's island, named by the lowest id in it; `None` if
@@ -93,7 +93,7 @@ pub struct IslandPart {
     pub rank: u8,
     /// The number of these bodies; [`BIG_ISLAND`] if they alone are too many to move.
     pub size: u16,
-    /// Whether that region treats the island as one that moves whole.
+    /// Says whether that region treats the island as one that moves whole.
     pub whole: bool,
     /// From how many parts away the sender heard of this part; 0 is its own.
     pub hops: u16,
@@ -114,7 +114,7 @@ pub struct Membership {
     pub owner: u8,
     /// All regions that hold the body, the owner included.
     pub holders: RegionSet,
-    /// Those of the holders with a warm-up ghost, which only follows the other copies and has no part in mass
+    /// The holders with a warm-up ghost, which only follows the other copies and has no part in mass
     /// splitting.
     pub warming: RegionSet,
 }
@@ -131,15 +131,15 @@ pub struct NearbyBody {
     pub radius_m: f32,
     /// The velocity of both, m/s.
     pub velocity: [f32; 3],
-    /// Whether the body is awake.
+    /// Says whether the body is awake.
     pub awake: bool,
     /// The number of bodies in its island that the sender owns; [`BIG_ISLAND`] if the island is too large to
     /// move, 0 for a body that no contact moves.
     pub island: u16,
-    /// Whether the sender keeps the body to itself, so that a region whose body meets it must send that body
+    /// Says whether the sender keeps the body to itself, so that a region whose body meets it must send that body
     /// there.
     pub stays: bool,
-    /// Whether the body is part of a multibody, which two regions never hold.
+    /// Says whether the body is part of a multibody, which two regions never hold.
     pub articulated: bool,
     /// The regions that hold the body, or may own it in the ticks that the sender looks ahead. Bodies that
     /// carry it must be there too.
@@ -165,7 +165,7 @@ pub struct NearbyBodies {
 pub struct ContactPose {
     /// The body. Its record says where it is.
     pub id: BodyId,
-    /// Where it lay relative to what it touches, world space.
+    /// The pose in which it lay relative to what it touches, world space.
     pub pose: WorldPose,
 }
 
@@ -176,7 +176,7 @@ pub struct Transfer {
     pub body: BodyRecord,
     /// The regions that hold a ghost of the body.
     pub holders: RegionSet,
-    /// Whether the body's island moves whole.
+    /// Says whether the body's island moves whole.
     pub whole: bool,
 }
 
@@ -227,7 +227,7 @@ pub struct BorderMessage {
     pub nearby: Option<NearbyBodies>,
     /// The substeps that the sender takes in the next tick; 0 if they are as many as before.
     pub steps: u8,
-    /// Whether the sender asks to exchange messages in every tick until all regions meet again.
+    /// Says whether the sender asks to exchange messages in every tick until all regions meet again.
     pub asks: bool,
 }
 
@@ -401,9 +401,9 @@ impl ContactKey {
 pub struct Touch {
     /// The two colliders.
     pub key: ContactKey,
-    /// Whether the contact began; otherwise it ceased.
+    /// Says whether the contact began; otherwise it ceased.
     pub began: bool,
-    /// Whether one of the two is a sensor.
+    /// Says whether one of the two is a sensor.
     pub sensor: bool,
     /// The point of contact in world space, metres. If the contact has no point, the middle between the
     /// bodies.

@@ -72,6 +72,6 @@ pub struct Gait {
     pub wanted: [f32; 3],
     /// The speed at which the character rises (jumps) or, below 0, falls, m/s.
     pub rise_m_s: f32,
-    /// Whether the character stood on something after the last tick.
+    /// Says whether the character stood on something after the last tick.
     pub grounded: bool,
 }

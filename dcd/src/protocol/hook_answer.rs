@@ -22,9 +22,9 @@ pub struct HookCall {
 /// The kind of question to hooks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub enum HookQuestion {
-    /// Whether two solid colliders touch.
+    /// Says whether two solid colliders touch.
     Contact,
-    /// Whether a sensor detects a collider.
+    /// Says whether a sensor detects a collider.
     Intersection,
     /// How the solver is to treat a manifold.
     Solver,

@@ -32,7 +32,7 @@ pub struct JointMotor {
     pub max_force: f32,
     /// The impulse of the last step.
     pub impulse: f32,
-    /// Whether stiffness and damping are per unit of mass (Rapier's `AccelerationBased`).
+    /// Says whether stiffness and damping are per unit of mass (Rapier's `AccelerationBased`).
     pub acceleration_based: bool,
 }
 
@@ -40,7 +40,7 @@ pub struct JointMotor {
 /// degree of freedom have the linear ones first and leave out locked axes; the rest of each list is zero.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct LinkRecord {
-    /// Whether the velocities of its degrees of freedom are set by the user alone.
+    /// Says whether the velocities of its degrees of freedom are set by the user alone.
     pub kinematic: bool,
     /// The damping, by degree of freedom; `None` for Rapier's choice.
     pub damping: Option<[f32; 6]>,
@@ -50,7 +50,7 @@ pub struct LinkRecord {
     pub friction: [f32; 6],
     /// The stiffness and rest position of the spring, by axis.
     pub springs: [[f32; 2]; 6],
-    /// Where the link is and how it moves; `None` if it rests at the zero of its coordinates.
+    /// The place of the link and how it moves; `None` if it rests at the zero of its coordinates.
     pub motion: Option<LinkMotion>,
 }
 
@@ -95,9 +95,9 @@ pub struct JointRecord {
     pub motors: [JointMotor; 6],
     /// The natural frequency, Hz, and the damping ratio of the constraint.
     pub softness: [f32; 2],
-    /// Whether the two bodies may touch.
+    /// Says whether the two bodies may touch.
     pub contacts_enabled: bool,
-    /// Whether the joint is enabled.
+    /// Says whether the joint is enabled.
     pub enabled: bool,
     /// The number that the user gave to the joint.
     pub user_data: u128,

@@ -104,7 +104,7 @@ pub enum Message {
         view: ViewNumber,
         /// The client.
         client: ClientId,
-        /// Whether it has a link.
+        /// Says whether it has a link.
         up: bool,
     },
     /// Relay to leader: the relay has taken in what it was told, up to the message of this number.
@@ -400,7 +400,7 @@ pub struct View {
     pub tree: DistributionTree,
     /// The member that computes each region.
     pub allocation: Allocation,
-    /// Whether the server's program hears of the contacts of all bodies that ask for them; otherwise clients
+    /// Says whether the server's program hears of the contacts of all bodies that ask for them; otherwise clients
     /// hear of those of their own bodies.
     pub events: bool,
     /// The viewpoints of the server's program, whoever else looks, until [`ToNode::Look`] changes them.
@@ -449,17 +449,17 @@ pub enum Chunk {
 /// A clock probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Ping {
-    /// When it was sent, microseconds of the sender's clock.
+    /// The time of sending, microseconds of the sender's clock.
     pub sent_us: u64,
 }
 
 /// The answer to a clock probe. Together with the time at which it arrives, it gives four time stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Pong {
-    /// When the ping was sent, microseconds of the asker's clock.
+    /// The time at which the ping was sent, microseconds of the asker's clock.
     pub sent_us: u64,
-    /// When the ping arrived, microseconds of the answerer's clock.
+    /// The time at which the ping arrived, microseconds of the answerer's clock.
     pub received_us: u64,
-    /// When this answer was sent, microseconds of the answerer's clock.
+    /// The time at which this answer was sent, microseconds of the answerer's clock.
     pub answered_us: u64,
 }

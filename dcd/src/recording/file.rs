@@ -62,7 +62,7 @@ pub struct Reader<R> {
     from: R,
     before: Hash,
     taken: u64,
-    /// Whether the last chunk has been read.
+    /// Says whether the last chunk has been read.
     ended: bool,
     cut_off: bool,
 }

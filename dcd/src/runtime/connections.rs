@@ -42,7 +42,7 @@ pub struct Connection {
     pub who: PeerName,
     /// The address of the other end when the link was made.
     pub address: SocketAddr,
-    /// Whether there is a link now; if not, the process waits for it.
+    /// Says whether there is a link now; if not, the process waits for it.
     pub is_up: bool,
     /// The number of links that the connection has had.
     pub links: u32,

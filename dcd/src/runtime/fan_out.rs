@@ -164,7 +164,7 @@ struct Acknowledged {
     of: AllHeard,
     /// The newest complete tick.
     newest: Tick,
-    /// Whether this process leads. If not, nobody here needs what clients acknowledge to others.
+    /// Says whether this process leads. If not, nobody here needs what clients acknowledge to others.
     leads: bool,
 }
 

@@ -37,7 +37,7 @@ struct State {
     /// The number of inputs that wait; `None` once the loop has ended.
     inputs: Mutex<Option<usize>>,
     taken: Condvar,
-    /// Whether a wake waits.
+    /// Says whether a wake waits.
     is_woken: AtomicBool,
 }
 

@@ -122,7 +122,7 @@ pub(super) struct Links {
     /// Messages that the thread that tells clients has sent.
     sent_to_clients: Arc<Mutex<Received>>,
     malformed: u64,
-    /// Whether this process is the server, which alone sends to a participant also as a client.
+    /// Says whether this process is the server, which alone sends to a participant also as a client.
     is_server: bool,
 }
 
@@ -130,7 +130,7 @@ pub(super) struct Links {
 struct Waiting {
     frames: VecDeque<(crate::net::Lane, Vec<u8>)>,
     bytes: usize,
-    /// When the link last took something in, or something began to wait for a link that is up.
+    /// The time at which the link last took something in, or something began to wait for a link that is up.
     since: Option<Instant>,
     /// The bytes given to the link that it had still to take in at that moment. A frame may hold a shape of
     /// 15.5 MiB.

@@ -165,7 +165,7 @@ pub(super) struct State {
     pub traffic: PeerStats,
     pub received: Received,
     pub summary: NodeSummary,
-    /// When the loop last turned.
+    /// The time at which the loop last turned.
     pub turned: Instant,
     pub end: Option<Result<(), ProcessError>>,
     /// Why the server ended the process, if that is not a failure.

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 /// The state of a process in a few words.
 pub struct Pulse {
-    /// When the process's loop last turned. It turns at least twice per second, except while it builds a
-    /// large world.
+    /// The time at which the process's loop last turned. It turns at least twice per second, except while it
+    /// builds a large world.
     pub turned: Instant,
     /// The state in words, for people.
     pub words: String,

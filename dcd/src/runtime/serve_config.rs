@@ -20,7 +20,7 @@ pub struct ServeConfig {
     /// The folder of the authority (keys, used tokens) and of the world. A server that died and is started
     /// again with the same origin and settings goes on with the world stored there.
     pub data: PathBuf,
-    /// Where the world is stored, if not in `data`; needs the feature `etcd`.
+    /// The place where the world is stored, if not in `data`; needs the feature `etcd`.
     /// `etcd://HOST:PORT[,HOST:PORT...]/NAME` names members of an etcd cluster, and the world there. Servers
     /// with the same place and the same origin are standbys of one another: one serves, and the others wait
     /// until it is gone.
@@ -30,7 +30,7 @@ pub struct ServeConfig {
     /// `user=NAME` and `password-file=FILE`, where it has users. Without a password file the password is in
     /// the environment variable `DCD_ETCD_PASSWORD`.
     pub directory: Option<String>,
-    /// Whether to begin anew and forget a world that is stored there.
+    /// Says whether to begin anew and forget a world that is stored there.
     pub fresh: bool,
     /// The number of nodes to wait for before the first tick; 0 counts as 1.
     pub nodes: usize,
@@ -45,7 +45,7 @@ pub struct ServeConfig {
     pub avatar_speed_limit: f32,
     /// How long the avatars of a client that has left wait for its return, before they are removed.
     pub avatar_expiry: Duration,
-    /// Whether nodes report the contacts of all bodies that ask for them to the program (`World::events`),
+    /// Says whether nodes report the contacts of all bodies that ask for them to the program (`World::events`),
     /// over the network. A client receives those of its avatars in either case.
     pub events: bool,
     /// A file to which the server is recorded: all that it is given, and a digest of all that it sends and

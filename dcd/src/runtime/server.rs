@@ -65,7 +65,7 @@ pub struct ServerSummary {
     pub lost: usize,
     /// The number of bodies that two nodes owned in the last audit.
     pub doubled: usize,
-    /// Whether members did not answer the last audit in time, so that nobody knows what is lost or doubled.
+    /// Says whether members did not answer the last audit in time, so that nobody knows what is lost or doubled.
     pub unaudited: bool,
     /// A hash of all movable bodies in id order, after the last tick of a world that ended by
     /// [`ServeConfig::last_tick`].
@@ -74,7 +74,7 @@ pub struct ServerSummary {
     pub bytes: u64,
     /// The seconds since the world first began, or went on.
     pub seconds: f64,
-    /// Whether the server was suspended and its data folder keeps the world. A world that never began is not
+    /// Says whether the server was suspended and its data folder keeps the world. A world that never began is not
     /// kept.
     pub kept: bool,
 }
@@ -116,7 +116,7 @@ struct State {
     answers: BTreeMap<u64, QueryResult>,
     events: WorldEvents,
     traffic: PeerStats,
-    /// When the loop last turned.
+    /// The time at which the loop last turned.
     turned: Option<Instant>,
     over: bool,
     suspended: bool,

@@ -28,7 +28,7 @@ pub(super) struct Tape {
     known: BTreeSet<ShapeHash>,
     /// The paces of regions that were recorded last.
     paces: BTreeMap<RegionId, Pace>,
-    /// Whether something happened that only a snapshot can record.
+    /// Says whether something happened that only a snapshot can record.
     is_stale: bool,
     /// The program's hooks, with a note of what they answer.
     hooks: Option<Arc<NotedHooks>>,

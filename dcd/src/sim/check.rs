@@ -43,7 +43,7 @@ struct Checked {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     at: (Epoch, Tick),
-    /// Whether it was seen in a group that the client was in before. Then the first state of the present
+    /// Says whether it was seen in a group that the client was in before. Then the first state of the present
     /// group counts, whatever it is.
     elsewhere: bool,
 }

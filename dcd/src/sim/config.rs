@@ -43,9 +43,9 @@ pub struct SimConfig {
     pub relays_above: Option<u32>,
     /// The number of ticks between nodes' checkpoints of moved bodies to the server.
     pub checkpoint_every: u64,
-    /// Whether the nodes and the server are recorded.
+    /// Says whether the nodes and the server are recorded.
     pub record: bool,
-    /// Whether two of three nodes are participants and are all verified. Nobody plays their clients.
+    /// Says whether two of three nodes are participants and are all verified. Nobody plays their clients.
     pub verify: bool,
 }
 

@@ -81,7 +81,7 @@ pub struct Promise {
     /// The longest time without a tick of the main group while nothing has gone wrong that it has not
     /// recovered from.
     pub pause: Duration,
-    /// Whether no live member may be evicted, because all live members reach one another.
+    /// Says whether no live member may be evicted, because all live members reach one another.
     pub no_eviction: bool,
     /// The largest error of the estimate of the server's clock, if that is checked.
     pub clock_error: Option<Duration>,
@@ -514,7 +514,7 @@ pub enum Island {
         pick: u64,
         /// The number of nodes.
         count: u64,
-        /// Whether the server is among them.
+        /// Says whether the server is among them.
         with_server: bool,
     },
     /// Two nodes, cut off from one another. The value chooses the first of them.

@@ -72,9 +72,9 @@ pub struct TrialConfig {
     pub spoilt: Option<Spoilt>,
     /// A bug to plant: a bit of a body is flipped after this tick, on one of the first nodes.
     pub flip: Option<Tick>,
-    /// Whether nodes and servers are recorded.
+    /// Says whether nodes and servers are recorded.
     pub record: bool,
-    /// Whether two of three nodes are participants that are verified.
+    /// Says whether two of three nodes are participants that are verified.
     pub verify: bool,
     /// The number of clients that a leader tells itself; `None`: all.
     pub relays_above: Option<u32>,
@@ -229,7 +229,7 @@ struct Trial<'a> {
     /// The clients that have asked for their avatar, and when and how each last asked it to move.
     spawned: BTreeSet<ClientId>,
     inputs: BTreeMap<ClientId, (Duration, Velocity)>,
-    /// When the server is to be back, if it is to die at its next durable output.
+    /// The time at which the server is to be back, if it is to die at its next durable output.
     doomed: Option<Duration>,
     /// How many nodes are still to begin.
     expected_nodes: u32,
@@ -245,8 +245,8 @@ struct Trial<'a> {
     /// The number of sites, and for several sites what compares their groups.
     sites: u32,
     comparer: Comparer,
-    /// When each body was last near enough to its place in the authoritative group, and when each leader last
-    /// knew which group that is.
+    /// The times at which each body was last near enough to its place in the authoritative group, and at
+    /// which each leader last knew which group that is.
     agreed_at: Lately,
     known_at: Lately,
 }

@@ -30,7 +30,7 @@ pub struct Watch {
     gates: Strain,
     groups: BTreeMap<GroupId, Watched>,
     is_calm: bool,
-    /// Whether there have ever been several groups at a time. Groups correct one another's bodies, whose
+    /// Says whether there have ever been several groups at a time. Groups correct one another's bodies, whose
     /// velocities then change.
     is_corrected: bool,
     /// The worst of each quantity so far, as a share of its gate.

@@ -30,7 +30,7 @@ pub(super) struct NodeProcess {
     pub(super) machine: Node,
     pub(super) physics: Box<dyn Engine>,
     pub(super) recorder: Option<Recorder>,
-    /// When the last answer of the physics comes. The physics does one thing after the other.
+    /// The time at which the last answer of the physics comes. The physics does one thing after the other.
     pub(super) physics_until: Duration,
     /// The same for each run that computes other members' work once more. Runs do not wait for one another.
     pub(super) verified_until: BTreeMap<u64, Duration>,
@@ -68,12 +68,12 @@ pub struct Sim {
     pub(super) expelled: Vec<NodeId>,
     /// What leaders have found out about participants that were verified.
     pub(super) findings: Vec<(NodeId, Tick, Finding)>,
-    /// When a tick of each group was last checked.
+    /// The time at which a tick of each group was last checked.
     pub(super) checked_at: BTreeMap<GroupId, Duration>,
     /// The number of outputs after which the server dies, counted from its next durable batch on.
     pub(super) crash_after_store: Option<u32>,
     pub(super) has_stored: bool,
-    /// Whether the server has died of that.
+    /// Says whether the server has died of that.
     pub(super) server_crashed: bool,
     /// What the server's program saved last.
     pub(super) saved: Option<Box<SavedWorld>>,

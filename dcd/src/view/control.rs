@@ -20,16 +20,16 @@ pub(super) struct Control {
     due: Option<Instant>,
 }
 
-/// When the next step is due.
+/// The time at which the next step is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Next {
     /// Now.
     Now,
     /// Once the recording has gone to this tick.
     Goal(u64),
-    /// At this time.
+    /// This time.
     At(Instant),
-    /// When a viewer asks for it.
+    /// The moment at which a viewer asks for it.
     Asked,
 }
 

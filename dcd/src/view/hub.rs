@@ -34,7 +34,7 @@ pub(super) struct Hub {
     news: Condvar,
     /// Notified when viewers want something of the world.
     wish: Condvar,
-    /// Whether pages may pause the world and step it.
+    /// Says whether pages may pause the world and step it.
     has_controls: AtomicBool,
     viewers: AtomicUsize,
     wanted: AtomicBool,

@@ -59,7 +59,7 @@ impl Writer {
 /// The first message to a viewer: what does not change while a world is viewed.
 pub(super) struct Hello {
     pub(super) name: String,
-    /// Whether the page may pause the world and step it.
+    /// Says whether the page may pause the world and step it.
     pub(super) controls: bool,
     /// The first and the last tick of a recording. The page may go to any tick between them.
     pub(super) recorded: Option<[u64; 2]>,

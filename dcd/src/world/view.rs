@@ -15,7 +15,7 @@ pub struct Body {
     pub velocity: Velocity,
     /// The kind of body: dynamic, kinematic or fixed.
     pub kind: BodyKind,
-    /// Whether the body sleeps.
+    /// Says whether the body sleeps.
     pub sleeping: bool,
     /// The mass, kilograms: 0 for a fixed body, `None` where it is not known, as in a served world.
     pub mass_kg: Option<f32>,
@@ -24,7 +24,7 @@ pub struct Body {
     /// The region that owns the body; `None` for a fixed body, an avatar that is not in the world yet, and on
     /// a server.
     pub owner: Option<RegionId>,
-    /// Whether the body lies outside the client's area of interest
+    /// Says whether the body lies outside the client's area of interest
     /// ([`World::set_interest`](super::World::set_interest)). Its state is then the last one received.
     pub outside: bool,
 }
@@ -43,7 +43,7 @@ pub struct MovableBody {
     pub velocity: Velocity,
     /// The number that the user gave to the body.
     pub user_data: u128,
-    /// Whether the body sleeps.
+    /// Says whether the body sleeps.
     pub sleeping: bool,
     /// Same as [`Body::outside`].
     pub outside: bool,
@@ -63,13 +63,13 @@ pub struct Owner {
     pub region: Option<RegionId>,
     /// The node that computes the region, as far as it is known; `None` in a local world.
     pub node: Option<NodeId>,
-    /// Whether the owner is not known yet: `region` is then the one in which the body lies.
+    /// Says whether the owner is not known yet: `region` is then the one in which the body lies.
     pub by_place: bool,
     /// The number of regions that hold a copy of the body; 0 where it is not known.
     pub holders: usize,
-    /// Whether this process computes the region.
+    /// Says whether this process computes the region.
     pub here: bool,
-    /// Whether this process receives the state of the body from other processes.
+    /// Says whether this process receives the state of the body from other processes.
     pub heard: bool,
 }
 

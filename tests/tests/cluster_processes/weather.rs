@@ -109,14 +109,14 @@ impl Cluster {
 struct Pace {
     least_ticks_per_s: f64,
     longest_stop: Duration,
-    /// Whether every tick takes longer than the leader waits before it shows speculative ticks.
+    /// Says whether every tick takes longer than the leader waits before it shows speculative ticks.
     is_guessed: bool,
 }
 
 /// On loopback a loss costs only a round trip, and so does not show.
 const IN_LOSS: Pace =
     Pace { least_ticks_per_s: 15.0, longest_stop: Duration::from_secs(1), is_guessed: false };
-/// At a loss of one packet in five, repeated messages are lost, too.
+/// The pace at a loss of one packet in five, at which repeated messages are lost, too.
 const IN_HEAVY_LOSS: Pace =
     Pace { least_ticks_per_s: 5.0, longest_stop: Duration::from_secs(3), is_guessed: false };
 /// A tick takes one delay from node to node, and one from the leader and back.

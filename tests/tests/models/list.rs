@@ -12,7 +12,7 @@ pub(crate) struct Real {
     /// The mass of all that can move, kilograms: for MJCF as MuJoCo 3 computes it, for URDF by the numbers of
     /// the file.
     pub(crate) mass_kg: f64,
-    /// Whether all of it ends up standing or lying on the ground, so that the ground bears its weight.
+    /// Says whether all of it ends up standing or lying on the ground, so that the ground bears its weight.
     pub(crate) rests: bool,
 }
 

@@ -40,7 +40,7 @@ pub(crate) struct Twin {
     /// Bodies that touched others or hang on a joint: the worlds agree on these only as well as couplings do.
     rough: BTreeSet<BodyId>,
     ticks: usize,
-    /// Whether the last operation was a step. Rapier takes in changes, those of centres of mass too, only in
+    /// Says whether the last operation was a step. Rapier takes in changes, those of centres of mass too, only in
     /// steps.
     stepped: bool,
 }

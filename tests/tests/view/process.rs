@@ -107,7 +107,7 @@ pub(crate) struct Seen {
     pub(crate) contacts: usize,
     pub(crate) samples: usize,
     pub(crate) paused: bool,
-    /// Whether a recording is on its way to a tick.
+    /// Says whether a recording is on its way to a tick.
     pub(crate) going: bool,
     pub(crate) oldest: f64,
     pub(crate) newest: f64,

@@ -50,7 +50,8 @@ const PALETTE: [[u8; 3]; 8] = [
 struct Served {
     world: dcd::World,
     avatar: BodyId,
-    /// Where the avatar is shown. Everything is drawn relative to it: world space has doubles, and a renderer has floats.
+    /// The pose in which the avatar is shown. Everything is drawn relative to it: world space has doubles,
+    /// and a renderer has floats.
     player: WorldPose,
     /// The ticks that this frame shows.
     time: ViewTime,

@@ -27,7 +27,7 @@ fn hosts(replay: &Replay) -> Option<Hosts<'_>> {
 pub(super) struct Shown {
     pub(super) files: Vec<PathBuf>,
     pub(super) until: Tick,
-    /// Whether the replay pauses where it parts from the recording.
+    /// Says whether the replay pauses where it parts from the recording.
     pub(super) check: bool,
 }
 

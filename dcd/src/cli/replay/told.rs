@@ -53,7 +53,7 @@ struct Told {
     mismatch: Option<ToldMismatch>,
 }
 
-/// Where a replay parts from its recording.
+/// The place where a replay parts from its recording.
 #[derive(Serialize)]
 struct ToldMismatch {
     node: Option<u32>,

@@ -16,7 +16,7 @@ const MOST_LINES: usize = 12;
 /// A progress bar with a table below it; hidden unless a person looks on.
 pub(super) struct Live {
     bar: ProgressBar,
-    /// When it was drawn last; the first step is shown at once.
+    /// The time at which it was drawn last; the first step is shown at once.
     drawn: Option<Instant>,
     /// Steps since then.
     steps: u32,

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::cli::common::Common;
+use crate::cli::draft::place_of;
 use crate::cli::failure::Failure;
 use crate::runtime::{LocalWorld, SnapshotError};
 
@@ -17,8 +18,7 @@ pub(super) struct Target {
 
 impl Target {
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
-        // Of a symbolic link, beside the file that it leads to, as it will be written.
-        let mut part = fs::canonicalize(&path).unwrap_or_else(|_| path.clone()).into_os_string();
+        let mut part = place_of(&path).into_os_string();
         part.push(format!(".{}.part", std::process::id()));
         let target = Self { path };
         if target.path.is_dir() {

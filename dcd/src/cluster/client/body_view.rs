@@ -10,9 +10,9 @@ pub struct BodyView {
     pub body: BodyRecord,
     /// The tick of that state.
     pub tick: Tick,
-    /// Whether its state is of a speculative tick: a guess, until a state comes that is not.
+    /// Says whether its state is of a speculative tick: a guess, until a state comes that is not.
     pub speculative: bool,
-    /// Whether it was outside the client's area of interest when it was last heard of, or has been since. It
+    /// Says whether it was outside the client's area of interest when it was last heard of, or has been since. It
     /// may then be elsewhere.
     pub outside: bool,
     /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative

@@ -31,10 +31,10 @@ struct Kept {
     /// The logical time of the input that said where it jumps, and when that was.
     jumped: u64,
     jumped_at: Duration,
-    /// Whether that jump was sent to anybody.
+    /// Says whether that jump was sent to anybody.
     is_jump_sent: bool,
     made: Duration,
-    /// Whether a leader has refused it, or one for the same avatar soon before it.
+    /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
 }
 

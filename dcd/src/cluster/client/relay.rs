@@ -18,9 +18,9 @@ pub(super) struct Relay {
     member: Option<Member>,
     pub(super) linked: bool,
     dial_at: Option<Duration>,
-    /// Whether the newest states came from it: they are acknowledged to it.
+    /// Says whether the newest states came from it: they are acknowledged to it.
     tells: bool,
-    /// Whether it is silent, and has been asked whether it is there.
+    /// Says whether it is silent, and has been asked whether it is there.
     asked: bool,
 }
 

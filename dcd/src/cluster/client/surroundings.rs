@@ -18,7 +18,7 @@ pub(super) struct Surroundings {
     /// The area whose scenery is known; `None`: the whole world's is.
     known: Option<Area>,
     asked: BTreeMap<BodyId, Duration>,
-    /// Whether the server was asked for scenery since the client joined, and when it is asked again.
+    /// Says whether the server was asked for scenery since the client joined, and when it is asked again.
     has_looked: bool,
     look_again_at: Option<Duration>,
 }

@@ -20,7 +20,7 @@ const LARGEST_RATIO: f64 = 100.0;
 pub(super) struct Balancing {
     settings: Balance,
     view: View,
-    /// Whether a member's messages may still be on their way to another when both have completed a tick.
+    /// Says whether a member's messages may still be on their way to another when both have completed a tick.
     lags: bool,
     reports: BTreeMap<NodeId, (Tick, LoadReport)>,
     /// The time that a unit of work costs each node, microseconds.

@@ -17,7 +17,7 @@ const ON_THE_WAY_S: f64 = 5.0;
 #[derive(Clone, Copy, Debug)]
 struct Given {
     to: NodeId,
-    /// Whether the relay tells it. Until the relay says that the client is linked, the leader tells it.
+    /// Says whether the relay tells it. Until the relay says that the client is linked, the leader tells it.
     told: bool,
     /// The tick in which it was given.
     since: Tick,
@@ -30,7 +30,7 @@ pub(super) struct Relays {
     above: Option<u32>,
     /// The members that may relay: those that are no participants, without the leader.
     members: BTreeMap<NodeId, Member>,
-    /// Those of them that have no link here.
+    /// The members among them that have no link here.
     away: BTreeSet<NodeId>,
     /// Clients that have named an interest since the tick before, and of which it is not decided who tells
     /// them.

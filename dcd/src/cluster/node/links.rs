@@ -32,7 +32,8 @@ struct Link {
     member: Member,
     up: bool,
     down_since: Duration,
-    /// When to dial it. `None` while it is up, while an attempt is under way, or when the other node dials.
+    /// The time at which to dial it. `None` while it is up, while an attempt is under way, or when the other
+    /// node dials.
     dial_at: Option<Duration>,
     complain_at: Duration,
     /// The delay that the server was last told; `None`: nothing yet.

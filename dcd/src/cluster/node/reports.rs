@@ -23,9 +23,9 @@ pub(super) struct Reports {
     /// The last states of bodies that the leader does not have so, since nobody looked. Those awake are in
     /// the next sample, or gone.
     untold: BTreeMap<BodyId, SharedState>,
-    /// Whether the next report is to look through all bodies.
+    /// Says whether the next report is to look through all bodies.
     looks_through: bool,
-    /// Whether somebody has begun to look at everything since the report before.
+    /// Says whether somebody has begun to look at everything since the report before.
     all_begins: bool,
     /// The sample from which the report of the present tick is chosen, if there is a report.
     asked: Option<Sampling>,

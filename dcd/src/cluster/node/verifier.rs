@@ -75,7 +75,7 @@ struct Job {
     commands: Vec<PhysicsCommand>,
     /// The round of the exchange that is under way, once the tick has begun.
     round: Option<u32>,
-    /// Whether all members exchange in it, and not only neighbours.
+    /// Says whether all members exchange in it, and not only neighbours.
     begins: bool,
     allocation: Allocation,
     newest_view: u64,

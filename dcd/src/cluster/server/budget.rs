@@ -134,7 +134,7 @@ impl Brought {
 /// What one client may build, and what it has asked for.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Building {
-    /// Whether its certificate says that it may build.
+    /// Says whether its certificate says that it may build.
     pub may: bool,
     pub changes: Account,
     pub misuses: Account,
@@ -154,7 +154,7 @@ pub(super) struct Allowance {
     told: Account,
     /// Avatars, searches and welcomes, counted in avatars.
     asked: Account,
-    /// Whether the client may build, and what it has asked for and built.
+    /// Says whether the client may build, and what it has asked for and built.
     pub building: Building,
 }
 

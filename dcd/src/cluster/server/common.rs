@@ -34,10 +34,11 @@ const FAILURES_PER_S: f64 = 1.0 / 300.0;
 #[derive(Clone, Debug)]
 pub(super) struct NodeEntry {
     pub member: Member,
-    /// When the node is given up. `None` while its link is up, or once no other node could take over.
+    /// The time at which the node is given up. `None` while its link is up, or once no other node could take
+    /// over.
     pub absent_until: Option<Duration>,
     pub linked: bool,
-    /// Whether it has the world, and may be given regions.
+    /// Says whether it has the world, and may be given regions.
     pub loaded: bool,
     /// How many times it was sent the world over this link and has not answered.
     pub loading: u32,
@@ -47,7 +48,7 @@ pub(super) struct NodeEntry {
     /// The group that it is a member of, or is to be.
     pub group: Option<GroupId>,
     pub in_group_since: Duration,
-    /// Whether it has left a group, holds what was computed there, and is to begin anew.
+    /// Says whether it has left a group, holds what was computed there, and is to begin anew.
     pub moved: bool,
     /// The view that it was last told to adopt.
     pub serving: Option<ViewNumber>,
@@ -79,7 +80,7 @@ impl NodeEntry {
 #[derive(Clone, Debug)]
 pub(super) struct ClientEntry {
     pub linked: bool,
-    /// When the client counts as gone, and its avatars are taken out of the world.
+    /// The time at which the client counts as gone, and its avatars are taken out of the world.
     pub absent_until: Option<Duration>,
     /// The group whose leader it plays with.
     pub group: GroupId,
@@ -104,7 +105,7 @@ pub(super) struct Common {
     pub begun: bool,
     pub stopping: bool,
     pub stale: u64,
-    /// Whether the world's entry is to be written down.
+    /// Says whether the world's entry is to be written down.
     pub world_changed: bool,
     /// The ids of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),

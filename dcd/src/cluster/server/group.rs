@@ -54,23 +54,23 @@ pub(super) struct Group {
     /// shows which member may report a removal.
     pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
-    /// When each participant that accused a member alone was believed.
+    /// The time at which each participant that accused a member alone was believed.
     believed: BTreeMap<NodeId, Duration>,
     /// For each member that was accused by one participant alone in the present view, and did not go: the
     /// participant, which went itself.
     denounced: BTreeMap<NodeId, NodeId>,
-    /// When the complaints are decided on.
+    /// The time at which the complaints are decided on.
     pub hearing: Option<Duration>,
-    /// Whether a view change must compare everything: a member's link broke and what was sent over it may be
+    /// Says whether a view change must compare everything: a member's link broke and what was sent over it may be
     /// lost, or bodies to be inserted are too large for one operation.
     pub unsure: bool,
-    /// Whether anything was heard of the present view. If not, perhaps no member has heard of it.
+    /// Says whether anything was heard of the present view. If not, perhaps no member has heard of it.
     pub confirmed: bool,
-    /// Since when no member has a link, though some may go on computing.
+    /// The time since which no member has a link, though some may go on computing.
     pub silent_since: Option<Duration>,
-    /// Whether the group is held: no member has a link, and clients were told so.
+    /// Says whether the group is held: no member has a link, and clients were told so.
     pub held: bool,
-    /// Whether the world is to be saved. Members then say all that they own.
+    /// Says whether the world is to be saved. Members then say all that they own.
     pub saving: bool,
     /// The lost and the doubled bodies, by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,

@@ -11,7 +11,7 @@ use crate::space::Tick;
 /// The time after which a leader that goes on has surely heard what it was told.
 const SURELY_HEARD: Duration = Duration::from_secs(5);
 
-/// When a leader was told, and the tick that it was at once it had surely heard.
+/// The time at which a leader was told, and the tick that it was at once it had surely heard.
 #[derive(Clone, Copy, Debug)]
 struct Told {
     at: Duration,

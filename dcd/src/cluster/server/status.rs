@@ -20,7 +20,7 @@ const FRESH: Duration = Duration::from_millis(250);
 /// The latest answers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Statuses {
-    /// When each linked peer was last answered.
+    /// The time at which each linked peer was last answered.
     told: BTreeMap<Peer, Duration>,
     newest: Option<(Duration, Status)>,
 }

@@ -113,7 +113,7 @@ pub(super) struct Channel {
     body_bytes: f64,
     /// The tick in which a batch was last chosen for it.
     turn: Tick,
-    /// Whether the client has ever acknowledged anything; and since when it has not, though there was
+    /// Says whether the client has ever acknowledged anything; and since when it has not, though there was
     /// something to acknowledge.
     is_heard: bool,
     silent_since: Option<Duration>,

@@ -27,7 +27,7 @@ pub(super) struct Fed {
     /// not heard.
     read: u64,
     unsaid: usize,
-    /// Whether something could not be read. Then nothing that follows can be, until the relay begins anew.
+    /// Says whether something could not be read. Then nothing that follows can be, until the relay begins anew.
     is_lost: bool,
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Feed {
     last: u64,
     /// The messages that it has not said it has read, by number, with their bytes.
     on_the_way: VecDeque<(u64, usize)>,
-    /// Whether the relay has been told of all bodies that it is to know.
+    /// Says whether the relay has been told of all bodies that it is to know.
     has_begun: bool,
     clients: BTreeSet<ClientId>,
     /// Clients that have come since the tick before, each with its turn, or gone.

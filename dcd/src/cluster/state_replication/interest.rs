@@ -40,7 +40,7 @@ pub(super) struct Audience {
     /// Bodies outside of which the client was told since bodies last moved. If they move on, they are stale
     /// from then on.
     parted: BTreeSet<BodyId>,
-    /// Whether no moved bodies were looked through yet.
+    /// Says whether no moved bodies were looked through yet.
     is_new: bool,
 }
 

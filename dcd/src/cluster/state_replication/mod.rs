@@ -88,7 +88,7 @@ pub enum ReplicationEvent {
         client: ClientId,
         /// The number of its turn.
         turn: u32,
-        /// Whether another process has told it until now, which cannot be asked what it told.
+        /// Says whether another process has told it until now, which cannot be asked what it told.
         told_elsewhere: bool,
         /// Its area of interest, if it has named one; `None` in it is everything.
         area: Option<Option<Area>>,
@@ -180,7 +180,7 @@ pub struct StateReplication {
     /// The bodies that moved lately, and those that moved last, in id order.
     batches: Batches,
     moved_last: Vec<BodyId>,
-    /// Where fast bodies have been, since the first client was given to a relay.
+    /// The places where fast bodies have been, since the first client was given to a relay.
     trails: Option<Trails>,
     /// The audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,

@@ -15,7 +15,7 @@ pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Change {
     pub(super) state: SharedState,
-    /// Where it was before, if that was sent.
+    /// The place where it was before, if that was sent.
     pub(super) before: Option<[f64; 3]>,
 }
 

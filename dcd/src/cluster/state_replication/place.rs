@@ -4,10 +4,10 @@ use super::{ReplicationEvent, StateReplication};
 use crate::protocol::{Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
-/// Where clients' states are chosen and coded.
+/// The place where clients' states are chosen and coded.
 #[derive(Clone, Debug)]
 pub(in crate::cluster) enum Replication {
-    /// At once, in the same process.
+    /// The same process, at once.
     Here(Box<StateReplication>),
     /// On another thread, which is given these events.
     Elsewhere(Vec<ReplicationEvent>),

@@ -15,9 +15,9 @@ type Version = (Epoch, Tick);
 pub(super) struct Reach {
     coverage: Coverage,
     clients: BTreeSet<ClientId>,
-    /// Whether that was everything the last time.
+    /// Says whether that was everything the last time.
     was_all: bool,
-    /// Where the relay has each body, and the version of that state.
+    /// The place where the relay has each body, and the version of that state.
     told: BTreeMap<BodyId, ([f64; 3], Version)>,
 }
 

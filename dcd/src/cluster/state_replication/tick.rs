@@ -12,7 +12,7 @@ use crate::space::{Allocation, BodyId, ClientId, Tick};
 pub struct TickNews {
     pub(super) tick: Tick,
     pub(super) opened: Duration,
-    /// Whether no tick follows.
+    /// Says whether no tick follows.
     pub(super) is_last: bool,
     /// Bodies that are gone.
     pub(super) gone: BTreeSet<BodyId>,

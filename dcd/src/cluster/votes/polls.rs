@@ -79,7 +79,7 @@ pub struct Call<'a> {
     pub group: &'a [NodeId],
     /// Members of the candidate's present group, the candidate included.
     pub present: &'a [NodeId],
-    /// Whether the membership of either group is changing.
+    /// Says whether the membership of either group is changing.
     pub changing: bool,
 }
 
@@ -128,7 +128,7 @@ pub struct Outcome {
     pub group: Vec<NodeId>,
     /// The counts of the ballots.
     pub tally: Tally,
-    /// Whether the candidate moves: into `group`, or out of it into a group of its own.
+    /// Says whether the candidate moves: into `group`, or out of it into a group of its own.
     pub passed: bool,
 }
 
@@ -161,7 +161,7 @@ struct Standing {
     /// How often the node was evicted, and when for the last time.
     evictions: u32,
     evicted: Duration,
-    /// When the node may call a vote again, and when it may be voted on again.
+    /// The times from which on the node may call a vote again, and may be voted on again.
     may_call: Duration,
     may_be_voted_on: Duration,
     /// The nodes that have called for its rejection, and when each did last.

@@ -63,7 +63,7 @@ struct Filmed {
     keys: Vec<Key>,
     /// The last time at which it had the pose of its last key, seconds.
     still_s: f32,
-    /// When it came and, if it went, when; seconds.
+    /// The times at which it came and, if it did, went; seconds.
     came_s: f32,
     gone_s: Option<f32>,
 }

@@ -62,15 +62,15 @@ pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
 /// The numbers of substeps of all regions as far as this one has heard, and the state of each of its borders.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
-    /// By rank, this region included: substeps in the present tick, and those announced for the next.
+    /// The substeps in the present tick, and those announced for the next, by rank, this region included.
     steps: Vec<(u8, u8)>,
-    /// By rank of the other region.
+    /// The states of the borders, by rank of the other region.
     borders: Vec<BorderPace>,
     /// The number of substeps that this region will announce.
     wanted: u8,
-    /// By rank of the other region: the number of substeps that it was told last.
+    /// The number of substeps that each other region was told last, by its rank.
     told: Vec<u8>,
-    /// Whether all regions have been told what is wanted and all borders are at rung 0; kept until any of
+    /// Says whether all regions have been told what is wanted and all borders are at rung 0; kept until any of
     /// that changes.
     #[serde(skip)]
     level: OnceLock<bool>,
@@ -99,7 +99,7 @@ struct BorderPace {
     rest: u32,
     /// Calm ticks that the next descent needs, and the ticks of the next rest.
     patience: u32,
-    /// Whether anything is shared across it.
+    /// Says whether anything is shared across it.
     used: bool,
 }
 

@@ -38,9 +38,9 @@ const TICKS_PER_HOP: u32 = 2;
 /// The islands that come near a border, as found last; kept for its memory.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Islands {
-    /// By Rapier's body index: the place in `found` plus one, or 0 for a body in no island.
+    /// The place in `found` plus one, or 0 for a body in no island, by Rapier's body index.
     of: Vec<u32>,
-    /// By Rapier's body index: the generation of the body that last entered an island. Another body may have
+    /// The generation of the body that last entered an island, by Rapier's body index. Another body may have
     /// its place since.
     #[serde(skip)]
     generations: Vec<u32>,
@@ -79,18 +79,18 @@ pub(super) struct Island {
     lowest: Option<BodyId>,
     /// The regions that hold all of its bodies.
     held_by: RegionSet,
-    /// Whether it is too large to move whole.
+    /// Says whether it is too large to move whole.
     pub big: bool,
-    /// Whether it is too large to move at once, by its parts in this region and its direct neighbours.
+    /// Says whether it is too large to move at once, by its parts in this region and its direct neighbours.
     pub large: bool,
-    /// Whether the search for it was broken off: it has too many bodies in this region alone, or touches an
+    /// Says whether the search for it was broken off: it has too many bodies in this region alone, or touches an
     /// island that has.
     endless: bool,
     /// The lowest id of its members, or of the endless island to which it belongs.
     name: Option<BodyId>,
-    /// Whether something touches it or ties it together.
+    /// Says whether something touches it or ties it together.
     pub pressed: bool,
-    /// Whether it is to be whole, by the sizes of its parts; as it was, until these are summed up.
+    /// Says whether it is to be whole, by the sizes of its parts; as it was, until these are summed up.
     whole: bool,
     /// Ticks for which the sizes of its parts have contradicted `whole`.
     doubt: u16,
@@ -104,7 +104,7 @@ pub(super) struct Island {
     elsewhere: Vec<(usize, usize)>,
     /// Rank of the region it moves to, unless it is big.
     pub target: usize,
-    /// Whether all of it may move there.
+    /// Says whether all of it may move there.
     pub ready: bool,
 }
 

@@ -23,12 +23,13 @@ use crate::space::{BodyId, RegionSet};
 /// The leader of each group, as found last; kept for its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Leaders {
-    /// By Rapier's body index: the place in `parents` plus one, or 0 for a body in no group.
+    /// The place in `parents` plus one, or 0 for a body in no group, by Rapier's body index.
     of: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
-    /// By body: another body of its group that is nearer to the group's root; the root itself for the root.
+    /// The parent of each body: another body of its group that is nearer to the group's root; the root itself
+    /// for the root.
     parents: Vec<u32>,
-    /// By place of a group's root: the rank of its leader.
+    /// The rank of each group's leader, by place of the group's root.
     leaders: Vec<Option<usize>>,
     copies: Vec<Copied>,
     /// The sets of regions that hold bodies, in order, each with the number by which copies are sorted.

@@ -296,7 +296,7 @@ pub(super) struct Border {
     /// order of handle.
     #[serde(skip)]
     parting: Vec<RigidBodyHandle>,
-    /// By assembly: whether all of it may move to where its island moves.
+    /// Says for each assembly whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,
     /// The numbers of substeps that regions take.
@@ -305,8 +305,8 @@ pub(super) struct Border {
     /// The number of ticks in a row, up to [`SILENT_TICKS`], in which everything here slept and nothing was
     /// sent, received or decided.
     silent_ticks: u32,
-    /// By rank of the other region: how far copies disagreed in the last exchange, m/s; `None` where nothing
-    /// is shared.
+    /// The disagreement of copies in the last exchange, by rank of the other region, m/s; `None` where
+    /// nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
@@ -393,7 +393,7 @@ pub(super) struct Moment<'a> {
     /// The number of rounds of the tick, and which of them this is, from 1.
     pub rounds: usize,
     pub round: usize,
-    /// Whether it is the last exchange of the tick: holders and owners of bodies change only then.
+    /// Says whether it is the last exchange of the tick: holders and owners of bodies change only then.
     pub last: bool,
     /// The most ticks that any region may compute in one step of the next tick.
     pub coarsest: u8,

@@ -46,7 +46,7 @@ pub(in crate::physics) struct Neighbours {
     beside: RegionSet,
     /// Regions outside `beside` of which this one has a reason to be a neighbour.
     wanted: RegionSet,
-    /// Whether all regions meet in the present tick; and the regions that this one asked there, or that asked
+    /// Says whether all regions meet in the present tick; and the regions that this one asked there, or that asked
     /// it.
     meet: bool,
     asking: RegionSet,

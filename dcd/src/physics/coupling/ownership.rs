@@ -103,19 +103,19 @@ impl ContactPoses {
 struct Desired {
     /// Regions other than its present owner's that must hold it.
     holders: RegionSet,
-    /// Those of them within whose reach it is.
+    /// The regions among them within whose reach it is.
     reached: RegionSet,
     owner: usize,
-    /// Whether its island moves whole.
+    /// Says whether its island moves whole.
     whole: bool,
-    /// Whether its mass is split among the regions that hold it. Otherwise its owner's copy and each ghost
+    /// Says whether its mass is split among the regions that hold it. Otherwise its owner's copy and each ghost
     /// have all of it.
     split: bool,
-    /// Whether something touches the body, or its island if that moves whole.
+    /// Says whether something touches the body, or its island if that moves whole.
     pressed: bool,
-    /// Whether the region to which it moves holds it, and its island if that moves whole, with the contacts.
+    /// Says whether the region to which it moves holds it, and its island if that moves whole, with the contacts.
     ready: bool,
-    /// Whether it may move without having been held there first.
+    /// Says whether it may move without having been held there first.
     lively: bool,
 }
 

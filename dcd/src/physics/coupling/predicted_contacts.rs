@@ -36,9 +36,9 @@ const SURPRISE_M_S: f32 = 10.0;
 pub(super) struct PredictedContacts {
     /// Bodies owned here near or beyond the border, in id order.
     pub near: Vec<Near>,
-    /// By rank: the bodies sent to that region last.
+    /// The bodies sent to each region last, by rank.
     shown: Vec<NearbyBodies>,
-    /// By rank: the bodies received from it last.
+    /// The bodies received from each region last, by rank.
     seen: Vec<NearbyBodies>,
     /// Regions with a list that changed, so that contacts with them must be predicted anew.
     changed: RegionSet,
@@ -72,9 +72,9 @@ pub(super) struct Near {
     awake: bool,
     /// The size of its island as sent: the number of its bodies owned here.
     pub island: u16,
-    /// Whether this region keeps its island at home.
+    /// Says whether this region keeps its island at home.
     stays: bool,
-    /// Whether it is a part of a multibody.
+    /// Says whether it is a part of a multibody.
     articulated: bool,
 }
 
@@ -109,9 +109,9 @@ pub(super) struct Meeting {
     /// The size of the other body's island, in bodies that its region owns; 1 for a character and for a
     /// kinematic part of a multibody, 0 for any other body that no contact moves.
     pub island: u16,
-    /// Whether the other body stays in its region, with its island or as a part of a multibody.
+    /// Says whether the other body stays in its region, with its island or as a part of a multibody.
     pub stays: bool,
-    /// Whether the other body is a part of a multibody.
+    /// Says whether the other body is a part of a multibody.
     pub articulated: bool,
     /// Regions that hold the other body, or may come to own it soon.
     pub goes: RegionSet,

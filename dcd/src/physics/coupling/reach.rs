@@ -13,7 +13,7 @@ use crate::space::RegionSet;
 /// For each body, the regions with a body within `depth` hops of it; kept for its memory.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reach {
-    /// By Rapier's body index.
+    /// The marks of bodies, by Rapier's body index.
     marks: Vec<RegionSet>,
     /// Bodies with a mark.
     pub reached: Vec<RigidBodyHandle>,

@@ -35,7 +35,7 @@ pub(super) struct Shared {
     pub dealt: Dealt,
     /// The impulse on this copy after it was sent to a new member, which is still to be told.
     pub owed: Option<Strike>,
-    /// Whether the copy lies as it did when its owner found its contacts, and not where the body is; until
+    /// Says whether the copy lies as it did when its owner found its contacts, and not where the body is; until
     /// the next exchange.
     pub displaced: bool,
     /// Ticks since its members or its warm-up ghosts changed.
@@ -80,8 +80,8 @@ impl Shared {
 /// The [`Shared`] state of each body that several regions hold, by Rapier's handle.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SharedBodies {
-    /// By Rapier's body index. An entry left by a removed body has another generation than the body that took
-    /// its place.
+    /// The states of bodies, by Rapier's body index. An entry left by a removed body has another generation
+    /// than the body that took its place.
     of: Vec<Option<(RigidBodyHandle, Box<Shared>)>>,
 }
 

@@ -44,12 +44,12 @@ struct Strips {
     /// The axis along which the strips lie, and the one across.
     along: usize,
     across: usize,
-    /// Where the first strip begins, and how wide each is.
+    /// The coordinate at which the first strip begins, and the width of each.
     from: f64,
     width: f64,
     /// The length of the longest box along the strips. No box is wider across than a strip.
     longest: f64,
-    /// By box: the strip in which it begins, where along that it begins, and its place in the list.
+    /// The strip in which each box begins, where along that it begins, and its place in the list.
     boxes: Vec<(i32, f64, usize)>,
 }
 

@@ -17,7 +17,7 @@ use crate::space::{BodyId, Bounds, Burden, PlaceGroups, RegionId};
 pub(super) struct Giants {
     /// The AABB of each, in world space.
     pub boxes: Vec<Bounds>,
-    /// By body: its island's place in `boxes`.
+    /// The place in `boxes` of each body's island.
     members: BTreeMap<BodyId, usize>,
     /// Their sleeping bodies, in id order: they are no load, and lie where planes keep out.
     pub asleep: Vec<Burden>,

@@ -61,7 +61,7 @@ pub struct RegionHost {
     statics: Statics,
     /// The regions computed here, each with its side of its borders, in rank order.
     sides: Vec<Side>,
-    /// By rank: the region's place in `sides`; none for a region computed elsewhere.
+    /// The place of each region in `sides`, by rank; none for a region computed elsewhere.
     place_of: Vec<Option<usize>>,
     owner_index: OwnerIndex,
     #[serde(skip)]
@@ -76,27 +76,27 @@ pub struct RegionHost {
     balancer: Option<repartition::Balancer>,
     #[serde(skip)]
     giants: giants::KnownGiants,
-    /// Whether all regions meet in the next tick, not only neighbours. `meets_always`: whether they do in
+    /// Says whether all regions meet in the next tick, not only neighbours. `meets_always`: whether they do in
     /// every tick.
     meets: bool,
     meets_always: bool,
-    /// Whether all that the world begins with has been placed as one scene.
+    /// Says whether all that the world begins with has been placed as one scene.
     is_placed: bool,
-    /// Whether all regions know which cells of the present tree are near theirs.
+    /// Says whether all regions know which cells of the present tree are near theirs.
     #[serde(skip)]
     settled: bool,
-    /// Whether owners may not know who holds their bodies, because membership has changed.
+    /// Says whether owners may not know who holds their bodies, because membership has changed.
     #[serde(skip)]
     holders_unsure: bool,
     /// Chooses the rates at which regions are stepped; none where all is computed in full.
     governor: Option<Governor>,
-    /// Whether the leader of a group chooses which regions stay behind, not this process.
+    /// Says whether the leader of a group chooses which regions stay behind, not this process.
     #[serde(skip)]
     is_scheduled: bool,
     /// The regions that stay behind in the tick under way, by rank.
     #[serde(skip)]
     behind: RegionSet,
-    /// By rank: for how many ticks the region has stayed behind, where the leader chooses.
+    /// The number of ticks for which each region has stayed behind, by rank, where the leader chooses.
     #[serde(skip)]
     late: Vec<u8>,
     /// The most ticks that any region may be behind after the tick that follows the one under way, as the

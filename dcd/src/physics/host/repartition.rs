@@ -21,7 +21,7 @@ pub(super) struct Balancer {
     settings: Balance,
     /// The most bodies of an island that stays whole, as the user set it.
     island_limit: usize,
-    /// Whether the tree stays as it is, while all else is done.
+    /// Says whether the tree stays as it is, while all else is done.
     #[serde(skip)]
     holds_cut: bool,
 }

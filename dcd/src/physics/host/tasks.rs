@@ -63,12 +63,12 @@ pub(super) fn gather<R>(
     done.expect("`Tasks::run` calls `meanwhile` once")
 }
 
-/// Where tasks wait for a seat.
+/// The door at which tasks wait for a seat.
 struct Door {
     caller: std::thread::ThreadId,
     expected: usize,
     came: AtomicUsize,
-    /// Where to send seats, one for each waiting task; `None` once the door is closed.
+    /// The senders of seats, one for each waiting task; `None` once the door is closed.
     waiting: Mutex<Option<Vec<Sender<Seat>>>>,
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Threads {
     teams: Arc<[rayon::ThreadPool]>,
     /// As many threads as all teams have, for a region that has more to do than all others.
     all: Option<Arc<rayon::ThreadPool>>,
-    /// Where threads come from when there is work. With these, there are no teams between ticks.
+    /// The source of threads when there is work. With it, there are no teams between ticks.
     tasks: Option<Arc<dyn Tasks>>,
 }
 
@@ -209,7 +209,7 @@ const PAUSES: [u32; 2] = [16, 1024];
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
     by_teams: bool,
-    /// Whether the other way is being tried.
+    /// Says whether the other way is being tried.
     is_on: bool,
     /// Ticks of this look so far; `shortest` is the shortest of them.
     looked: u32,

@@ -29,7 +29,7 @@ pub struct ShapeHit {
     pub point_on_shape: [f32; 3],
     /// The outward unit normal of the moving shape there, in the shape's own space.
     pub normal_on_shape: [f32; 3],
-    /// Whether the two met on the way, or overlapped from the start. Then points and normals may be zero, see
+    /// Says whether the two met on the way, or overlapped from the start. Then points and normals may be zero, see
     /// [`ShapeCastOptions::compute_impact_geometry_on_penetration`].
     pub status: ShapeCastStatus,
     /// The part of a compound collider, or the triangle of a mesh.

@@ -19,7 +19,7 @@ pub struct PointHit {
     pub point: [f64; 3],
     /// The distance from the given point, metres.
     pub distance_m: f64,
-    /// Whether the given point lies inside the collider.
+    /// Says whether the given point lies inside the collider.
     pub inside: bool,
 }
 

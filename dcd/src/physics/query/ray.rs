@@ -24,7 +24,7 @@ pub struct WorldRay {
     pub direction: [f32; 3],
     /// The length of the ray, metres, 0 or more; may be infinite.
     pub max_m: f64,
-    /// Whether the ray hits a body that it starts in at once. Otherwise it hits the body's surface from
+    /// Says whether the ray hits a body that it starts in at once. Otherwise it hits the body's surface from
     /// inside.
     pub solid: bool,
 }

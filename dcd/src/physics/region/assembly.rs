@@ -15,7 +15,7 @@ use crate::space::{BodyId, Groups};
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Assembly {
     pub members: Vec<BodyRef>,
-    /// Whether it contains a multibody; such an assembly is never shared.
+    /// Says whether it contains a multibody; such an assembly is never shared.
     pub articulated: bool,
 }
 

@@ -32,7 +32,7 @@ const HOLD: f32 = 0.5;
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Walking {
     gait: Gait,
-    /// Whether the region has been stepped since the character came. Only then do queries find what came with
+    /// Says whether the region has been stepped since the character came. Only then do queries find what came with
     /// it.
     settled: bool,
 }

@@ -14,8 +14,8 @@ pub(super) struct KinematicTargets {
     /// Bodies that are kinematic by position, in order of insertion into the region. A forgotten body stays
     /// here until the next tick begins: taking each out at once would take time in proportion to the others.
     bodies: Vec<Noted>,
-    /// By Rapier's body index: the number by which the body is noted as kinematic, by position or by
-    /// velocity; 0 if it is not. `count` is how many are.
+    /// The number by which each body is noted as kinematic, by position or by velocity, or 0 if it is not; by
+    /// Rapier's body index. `count` is how many are.
     kinematic: Vec<u32>,
     count: usize,
     /// The number that was given last.

@@ -38,7 +38,7 @@ struct Stack {
     /// The place in `bodies` of each body, by the raw parts of its handle.
     places: BTreeMap<(u32, u32), usize>,
     pressing: Vec<Pressing>,
-    /// By place: the indices in `pressing` of the pairs to which the body belongs.
+    /// The indices in `pressing` of the pairs to which each body belongs, by the body's place.
     pairs: Vec<Vec<usize>>,
 }
 
@@ -56,7 +56,7 @@ struct Pressing {
     apart: Vector,
 }
 
-/// Where a body lay: its rotation and its centre of mass.
+/// The place where a body lay: its rotation and its centre of mass.
 #[derive(Clone, Copy)]
 struct Placed {
     rotation: Rotation,

@@ -31,7 +31,7 @@ pub(in crate::physics) struct MassSplit {
     pub among: RegionSet,
     /// The number of parts into which the mass is split, of which the copy here has one.
     parts: usize,
-    /// Whether Rapier has quarantined the copy here, because its numbers were no longer finite.
+    /// Says whether Rapier has quarantined the copy here, because its numbers were no longer finite.
     broken: bool,
     /// The user's force and torque on the whole body.
     user_force: Vector,

@@ -53,18 +53,18 @@ pub(in crate::physics) struct Slot {
     /// Rank of the leading region, whose copy all holders of the body followed in the last exchange; none
     /// while its mass is split, or while one region alone holds it.
     pub led_by: Option<usize>,
-    /// At the owner: whether the other holders know that the body sleeps.
+    /// Says, at the owner, whether the other holders know that the body sleeps.
     pub told_asleep: bool,
-    /// At a ghost: where the owner's copy fell asleep, in region space.
+    /// The pose, at a ghost, in which the owner's copy fell asleep, in region space.
     pub asleep_at: Option<Pose>,
-    /// At a ghost: whether the owner has announced the body since membership changed last.
+    /// Says, at a ghost, whether the owner has announced the body since membership changed last.
     pub confirmed: bool,
     /// How the body's mass and its user's force are split, while several regions hold it.
     pub mass_split: Option<Box<MassSplit>>,
-    /// Whether the body's island was small enough to be computed whole when it last came near a border.
+    /// Says whether the body's island was small enough to be computed whole when it last came near a border.
     pub whole: bool,
     /// Ticks for which the size of the island has contradicted `whole`.
     pub doubt: u16,
-    /// At the owner: the first and the last tick in which the body was due to move to another region.
+    /// The first and the last tick, at the owner, in which the body was due to move to another region.
     pub away: (u32, u32),
 }

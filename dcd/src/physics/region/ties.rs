@@ -36,7 +36,7 @@ enum Solver {
 pub(super) struct JointNews {
     /// The joints to be inserted, in order of insertion.
     tied: Vec<JointId>,
-    /// Whether all joints in `tied` are known to have nothing to move, or a disabled end. They wait until a
+    /// Says whether all joints in `tied` are known to have nothing to move, or a disabled end. They wait until a
     /// body changes in that.
     #[serde(skip)]
     waits: bool,

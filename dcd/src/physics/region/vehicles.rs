@@ -23,7 +23,7 @@ const HEAVIEST_KG: f32 = 1e9;
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Driving {
     drive: Drive,
-    /// Whether the region has been stepped since the vehicle came. Only then do rays find what came with it.
+    /// Says whether the region has been stepped since the vehicle came. Only then do rays find what came with it.
     settled: bool,
 }
 

@@ -95,8 +95,8 @@ fn stack_and_balls(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointReco
     (bodies, joints)
 }
 
-/// At 100 ms each way: with exact states, and with jitter of up to 0, 33 and 100 ms and one batch in twenty
-/// lost.
+/// Runs at 100 ms each way: with exact states, and with jitter of up to 0, 33 and 100 ms and one batch in
+/// twenty lost.
 #[test]
 fn nothing_is_shown_to_accelerate_much_harder_than_it_does() {
     for jitter in [None, Some(0), Some(2), Some(6)] {

@@ -58,7 +58,7 @@ pub struct Heard {
     /// The datagrams that have arrived since the last acknowledgement, as runs: the number of the first, and
     /// how many follow each other; at most [`MAX_HEARD`] runs.
     pub datagrams: Vec<(u32, u32)>,
-    /// Whether the client cannot read what it is told, so that the series is to begin anew.
+    /// Says whether the client cannot read what it is told, so that the series is to begin anew.
     pub lost: bool,
     /// The most bytes per second that the client wants to be sent; 0 for as many as the link carries.
     pub bytes_per_s: u32,
@@ -290,7 +290,7 @@ pub struct Stamp {
     pub group: GroupId,
     /// The tick after which the states hold.
     pub tick: Tick,
-    /// When the leader opened the tick, microseconds of its own clock; 0 if that is not known.
+    /// The time at which the leader opened the tick, microseconds of its own clock; 0 if that is not known.
     pub opened_us: u64,
     /// The logical time of the receiver's newest input that was applied by this tick or an earlier one; 0 if
     /// there was none.
@@ -298,7 +298,7 @@ pub struct Stamp {
     /// How many ticks before the tick that it names that input arrived, 0 or more; below 0 if it was too late
     /// by so many. 0 if it names no tick.
     pub early: i8,
-    /// Whether the tick was speculative, that is computed without the other members. A later state that is
+    /// Says whether the tick was speculative, that is computed without the other members. A later state that is
     /// not speculative counts, whatever its tick.
     pub speculative: bool,
 }

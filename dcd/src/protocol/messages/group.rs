@@ -46,7 +46,7 @@ pub enum ToNode {
         dispatches: Vec<Dispatch>,
         /// The nodes that still answer, in id order.
         survivors: Vec<NodeId>,
-        /// Whether no more such messages follow.
+        /// Says whether no more such messages follow.
         last: bool,
     },
     /// Has the node send these bodies whole, owned or ghosts, as far as it holds them. It answers
@@ -103,7 +103,7 @@ pub enum ToNode {
     InterGroup {
         /// The present view of the receiver.
         view: ViewNumber,
-        /// Whether they come from the main group. The other groups keep up with its ticks.
+        /// Says whether they come from the main group. The other groups keep up with its ticks.
         main: bool,
         /// The tick after which the states hold.
         tick: Tick,
@@ -114,9 +114,9 @@ pub enum ToNode {
     Authority {
         /// The present view of the receiver.
         view: ViewNumber,
-        /// Whether there is no other group.
+        /// Says whether there is no other group.
         alone: bool,
-        /// Whether the receiver's group is authoritative for persistent bodies without a stance.
+        /// Says whether the receiver's group is authoritative for persistent bodies without a stance.
         by_default: bool,
         /// The new stances, in id order.
         stances: Vec<Stance>,
@@ -128,7 +128,7 @@ pub enum ToNode {
         view: ViewNumber,
         /// The participants, in id order.
         nodes: Vec<Verified>,
-        /// Whether participants that have computed before keep nothing of that: all that they begin with is
+        /// Says whether participants that have computed before keep nothing of that: all that they begin with is
         /// placed with the view.
         anew: bool,
     },
@@ -168,7 +168,7 @@ pub enum ToServer {
         /// From the leader: what the server's program did to moving bodies and no tick has applied yet. The
         /// next leader applies it.
         undone: Vec<WorldOp>,
-        /// Whether no more such messages follow.
+        /// Says whether no more such messages follow.
         last: bool,
     },
     /// Answers [`ToNode::Finish`] with the bodies that the node owns after its last tick.
@@ -203,7 +203,7 @@ pub enum ToServer {
         view: ViewNumber,
         /// The bodies, in id order.
         bodies: Vec<BodyRecord>,
-        /// Whether no more such messages follow.
+        /// Says whether no more such messages follow.
         last: bool,
     },
     /// Brings bodies that moved since the last checkpoint, several times per second.
@@ -325,7 +325,7 @@ pub struct Stance {
     pub body: BodyId,
     /// The number of the stance, which grows with every change. The higher one counts.
     pub number: u32,
-    /// Whether the receiver's group is the authoritative one.
+    /// Says whether the receiver's group is the authoritative one.
     pub yours: bool,
 }
 
@@ -398,7 +398,7 @@ impl Repartition {
 pub struct LoadReport {
     /// The member's regions, in id order.
     pub regions: Vec<RegionLoad>,
-    /// Where the load of these regions lies, summed up.
+    /// The places where the load of these regions lies, summed up.
     pub burdens: Vec<Burden>,
     /// Boxes around the islands there that are too large to move whole.
     pub islands: Vec<Bounds>,
@@ -418,7 +418,7 @@ pub struct RegionLoad {
     pub activity: f64,
     /// The time that a tick of the region takes, smoothed, microseconds.
     pub step_us: f64,
-    /// Whether nothing is left in it, so that it may be given up.
+    /// Says whether nothing is left in it, so that it may be given up.
     pub vacant: bool,
 }
 
@@ -528,7 +528,7 @@ pub struct Push {
     pub angular: [f32; 3],
     /// The point at which `linear` acts, in world space, metres; `None` for the centre of mass.
     pub point: Option<[f64; 3]>,
-    /// Whether the push is a force and a torque, which replace earlier ones and last until they are replaced.
+    /// Says whether the push is a force and a torque, which replace earlier ones and last until they are replaced.
     /// Otherwise it is an impulse.
     pub lasts: bool,
 }

@@ -72,7 +72,7 @@ pub struct RayQuery {
     pub direction: [f32; 3],
     /// The length of the ray, metres; may be infinite.
     pub max_m: f64,
-    /// Whether the ray hits a body that it starts in at once.
+    /// Says whether the ray hits a body that it starts in at once.
     pub solid: bool,
     /// The groups that the ray may find, and one body that it ignores.
     pub filter: PartFilter,
@@ -92,7 +92,7 @@ pub struct CastQuery {
     pub turn: [f32; 3],
     /// The distance from a body, metres, at which the shape counts as there; 0 if it turns.
     pub margin_m: f32,
-    /// Whether a body that the shape overlaps at the start stops it only if it moves farther in. Not possible
+    /// Says whether a body that the shape overlaps at the start stops it only if it moves farther in. Not possible
     /// for a shape that turns, where the search may not end.
     pub leaves: bool,
     /// The groups that the shape may find, and one body that it ignores.
@@ -250,7 +250,7 @@ pub struct CastAnswer {
     pub normal_on_shape: [f32; 3],
     /// The part of a compound, or the triangle of a mesh.
     pub subshape: u32,
-    /// Whether the shape overlapped the body at the start.
+    /// Says whether the shape overlapped the body at the start.
     pub inside: bool,
 }
 

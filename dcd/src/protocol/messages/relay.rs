@@ -40,10 +40,10 @@ pub enum ToRelay {
 pub struct RelayNews {
     /// The present view.
     pub view: ViewNumber,
-    /// Whether the relay begins anew: it has no clients except those that follow, and knows of no body except
+    /// Says whether the relay begins anew: it has no clients except those that follow, and knows of no body except
     /// those that are told.
     pub begins: bool,
-    /// Whether another part of the same tick follows.
+    /// Says whether another part of the same tick follows.
     pub more: bool,
     /// The number of the message. Later messages to a relay have higher numbers, and so have later parts of a
     /// tick.
@@ -52,9 +52,9 @@ pub struct RelayNews {
     pub follows: u64,
     /// The tick after which this holds.
     pub tick: Tick,
-    /// When the leader opened that tick, microseconds of its own clock.
+    /// The time at which the leader opened that tick, microseconds of its own clock.
     pub opened_us: u64,
-    /// Whether no tick follows.
+    /// Says whether no tick follows.
     pub is_last: bool,
     /// The clients that the relay is to tell from now on, each with the number of its turn, and those that it
     /// is to tell no more (`None`), in id order.

@@ -40,7 +40,7 @@ pub struct GroupStatus {
     pub tick: Tick,
     /// The leader; `None` if no node is heard of that computes the group.
     pub leader: Option<NodeId>,
-    /// Whether the membership is changing, so that ticks wait.
+    /// Says whether the membership is changing, so that ticks wait.
     pub is_changing: bool,
     /// The number of clients that belong to the group.
     pub clients: u32,
@@ -75,11 +75,11 @@ pub struct NodeStatus {
     pub client: Option<ClientId>,
     /// The group that it is a member of, or is to be.
     pub group: Option<GroupId>,
-    /// Whether the server has a link with it.
+    /// Says whether the server has a link with it.
     pub is_linked: bool,
-    /// Whether it has the world, so that it can be given regions.
+    /// Says whether it has the world, so that it can be given regions.
     pub is_loaded: bool,
-    /// Whether it is about to leave.
+    /// Says whether it is about to leave.
     pub is_leaving: bool,
     /// The longest round trip to other nodes, as it measures them, milliseconds.
     pub delay_ms: Option<f32>,

@@ -13,7 +13,7 @@ use crate::space::{BodyId, NodeId, RegionId, Tick};
 pub struct Verified {
     /// The participant.
     pub node: NodeId,
-    /// Whether it begins with the view, and so has kept nothing of an earlier one.
+    /// Says whether it begins with the view, and so has kept nothing of an earlier one.
     pub anew: bool,
     /// The bodies that it is told to let go of. Sent to the leader alone.
     pub drop: Vec<BodyId>,

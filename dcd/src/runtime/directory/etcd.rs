@@ -71,9 +71,9 @@ pub(super) struct EtcdDirectory {
     revision: Revision,
     log_bytes: usize,
     saved_at: Instant,
-    /// Whether it is unknown what is stored: not known yet, or not any more.
+    /// Says whether it is unknown what is stored: not known yet, or not any more.
     is_lost: bool,
-    /// Whether another server has removed all entries while this one stood by.
+    /// Says whether another server has removed all entries while this one stood by.
     is_cleared: bool,
 }
 

@@ -62,11 +62,11 @@ pub(super) struct Loop {
     pub(super) onlooker: Option<Onlooker>,
     /// Writes the metrics of the node, if they are asked for.
     pub(super) gauge: Option<NodeGauge>,
-    /// When the process leaves without the server's release, after its user asked to leave.
+    /// The time at which the process leaves without the server's release, after its user asked to leave.
     release_by: Option<Duration>,
     /// How long the server, or a client's leader, is waited for; `None`: without end.
     give_up: Option<Duration>,
-    /// Whether outputs may be left to carry out.
+    /// Says whether outputs may be left to carry out.
     has_more: bool,
     /// Set while the server is out of reach.
     lost: Option<Absence>,
@@ -74,9 +74,9 @@ pub(super) struct Loop {
     unheard: Option<Absence>,
     /// The address of the leader that the client does not hear.
     unheard_leader: Option<SocketAddr>,
-    /// Whether the server was ever reached. One that never was is not waited for.
+    /// Says whether the server was ever reached. One that never was is not waited for.
     joined: bool,
-    /// When the network's counters are read next.
+    /// The time at which the network's counters are read next.
     count_at: Duration,
     end: Option<Result<(), ProcessError>>,
     /// Why the loop ends, where `end` does not say it.

@@ -53,8 +53,8 @@ struct Membership {
 /// Measures a node's ticks for its metrics. It belongs to the node's loop.
 pub(in crate::runtime) struct NodeGauge {
     metrics: Arc<NodeMetrics>,
-    /// When the present tick began, when its present round began, and when this node was done with its part
-    /// of that round.
+    /// The times at which the present tick began, its present round began, and this node was done with its
+    /// part of that round.
     tick: Option<Instant>,
     round: Option<Instant>,
     computed: Option<Instant>,

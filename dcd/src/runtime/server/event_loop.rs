@@ -56,13 +56,13 @@ pub(super) struct Loop {
     /// The metrics of the server, if they are asked for.
     pub(super) metrics: Option<Arc<ServerMetrics>>,
     pub(super) began: Option<Instant>,
-    /// When traffic is counted next.
+    /// The time at which traffic is counted next.
     pub(super) count_at: Instant,
     /// Callers that wait for the world to be saved.
     pub(super) savers: Vec<SyncSender<SavedWorld>>,
     /// Nodes that are being drained, with the callers that wait for that.
     pub(super) drains: Vec<Drain>,
-    /// When the world ends even without an audit.
+    /// The time at which the world ends even without an audit.
     pub(super) end_by: Option<Instant>,
     pub(super) audited: bool,
     pub(super) over: bool,
@@ -72,7 +72,7 @@ pub(super) struct Loop {
 pub(super) struct Drain {
     node: NodeId,
     asker: SyncSender<Result<(), DrainError>>,
-    /// Whether the world went on without the node before the node had handed over.
+    /// Says whether the world went on without the node before the node had handed over.
     is_lost: bool,
 }
 

@@ -33,7 +33,7 @@ checked!(
     "a finite number"
 );
 checked!(
-    /// At least zero.
+    /// A number of at least zero.
     NonNegative,
     |value| value >= 0.0,
     "a finite number of at least 0"

@@ -29,7 +29,7 @@ pub(super) type Corners = Vec<[Vector; 3]>;
 pub(super) struct Collada {
     /// Instances of geometries that have triangles.
     pub(super) instances: Vec<Corners>,
-    /// Whether the file's own axes are z-up, or it does not say. The numbers are taken as they stand in
+    /// Says whether the file's own axes are z-up, or it does not say. The numbers are taken as they stand in
     /// either case.
     pub(super) z_up: bool,
 }

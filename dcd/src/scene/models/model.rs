@@ -44,7 +44,7 @@ pub(super) struct ModelJoint {
     pub(super) a: usize,
     pub(super) b: usize,
     pub(super) joint: GenericJoint,
-    /// Whether it is part of the tree of bodies, and does not close a loop.
+    /// Says whether it is part of the tree of bodies, and does not close a loop.
     pub(super) tree: bool,
     /// The joint's settings as a link of a multibody, if it is to be one.
     pub(super) link: Option<LinkSettings>,

@@ -15,7 +15,7 @@ const MAX_LEVELS: usize = 256;
 pub(super) struct Source {
     pub(super) path: PathBuf,
     pub(super) text: String,
-    /// Whether the lines of the text are those of the file. They are not if it includes others.
+    /// Says whether the lines of the text are those of the file. They are not if it includes others.
     pub(super) own_lines: bool,
 }
 

@@ -48,7 +48,7 @@ pub(super) struct End {
     pub(super) lanes: [Frames; 2],
     /// The bytes from this end that the other end has not read.
     pub(super) unread: usize,
-    /// Whether its process has closed it while what it sent before is still to arrive.
+    /// Says whether its process has closed it while what it sent before is still to arrive.
     pub(super) lingers: bool,
 }
 

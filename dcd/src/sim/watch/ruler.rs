@@ -115,10 +115,10 @@ fn worse(a: f64, b: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Ruler {
     dt_s: f64,
-    /// Where movable bodies began, and where fixed ones are.
+    /// The poses in which movable bodies began, and those of fixed ones.
     starts: BTreeMap<BodyId, WorldPose>,
     fixed: BTreeMap<BodyId, WorldPose>,
-    /// Whether bodies are to stay where they began.
+    /// Says whether bodies are to stay where they began.
     stands: bool,
     /// The ends of each joint, on two bodies.
     joints: Vec<[(BodyId, Point3<f64>); 2]>,

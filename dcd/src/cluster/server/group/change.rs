@@ -36,10 +36,10 @@ const UNDONE_BYTES: usize = 64 << 20;
 #[derive(Clone, Debug)]
 pub(in crate::cluster::server) struct ViewChange {
     pub number: ViewNumber,
-    /// When a member last did what was asked, or a part of it.
+    /// The time at which a member last did what was asked, or a part of it.
     at: Duration,
-    /// When a member last did all that was asked, and for how long after that parts may put off that the
-    /// others are given up.
+    /// The time at which a member last did all that was asked, and for how long after that parts may put off
+    /// that the others are given up.
     since: Duration,
     patience: Duration,
     /// Members of the last view that are alive, including those that are leaving.
@@ -77,7 +77,7 @@ struct Plan {
     owners: BTreeMap<BodyId, Owner>,
     /// Members that still owe bodies that were fetched.
     fetching: BTreeSet<NodeId>,
-    /// Whether all bodies were fetched, so that the world can be saved.
+    /// Says whether all bodies were fetched, so that the world can be saved.
     saves: bool,
 }
 

@@ -79,7 +79,7 @@ pub(super) enum Compare {
 #[derive(Debug)]
 pub(super) struct Page {
     pub(super) found: Vec<Found>,
-    /// Whether there are more keys after these.
+    /// Says whether there are more keys after these.
     pub(super) more: bool,
 }
 

@@ -20,7 +20,7 @@ const ENVIRONMENT: &str = "DCD_ETCD_PASSWORD";
 pub(super) struct Login {
     user: User,
     token: Mutex<Option<String>>,
-    /// Whether etcd does not take the password any more.
+    /// Says whether etcd does not take the password any more.
     is_refused: AtomicBool,
 }
 

@@ -14,7 +14,7 @@ use crate::scene::models::warnings::Warnings;
 /// The parsed robot for the loader, and the properties that the loader has no place for.
 pub(super) struct Parsed {
     pub(super) robot: urdf_rs::Robot,
-    /// By link.
+    /// The surfaces by link.
     pub(super) surfaces: BTreeMap<String, Surface>,
     /// Joints whose limits say that there are none.
     pub(super) unlimited: BTreeSet<String>,

@@ -1450,8 +1450,9 @@ typedef struct DcdConnectionInfo {
     uint64_t bytes_waiting;
 } DcdConnectionInfo;
 
-// Contact event: two bodies began or ceased to touch. It is reported when either has DCD_EVENT_CONTACT, once per pair, whatever
-// regions see it. In a served world it is reported for avatars of this process.
+// Contact event: two colliders of two bodies began or ceased to touch. It is reported when either has DCD_EVENT_CONTACT, once per
+// pair of colliders, whatever regions see it: two bodies of several colliders touch from the first event that begins to the last
+// that ends. In a served world it is reported for avatars of this process.
 typedef struct DcdContact {
     // The body made first: of the two, the one that dcd_bodies lists first. Its id is stale when it was destroyed since.
     DcdBodyId a;
@@ -3102,7 +3103,7 @@ DcdStatus dcd_collider_properties(DcdWorld world,
                                   DcdColliderProperties *out);
 
 // Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What
-// is as it was stays as it is.
+// is as it was stays as it is. Contacts that there are feel a change in the next step; what touches the body wakes.
 //
 // `properties` is read during the call.
 // Errors:
@@ -3164,7 +3165,7 @@ DcdStatus dcd_body_set_events(DcdWorld world,
                               float force_threshold);
 
 // Sets how a body slides and bounces: friction, a Coulomb coefficient of 0 or more, and restitution, 0 to 1. `collider` is as in
-// dcd_body_set_events.
+// dcd_body_set_events. Contacts that there are feel a change in the next step; what touches the body wakes.
 //
 // Errors:
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID.

@@ -334,7 +334,7 @@ pub unsafe extern "C" fn dcd_collider_properties(
 }
 
 /// Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What
-/// is as it was stays as it is.
+/// is as it was stays as it is. Contacts that there are feel a change in the next step; what touches the body wakes.
 ///
 /// `properties` is read during the call.
 /// Errors:
@@ -479,7 +479,7 @@ pub extern "C" fn dcd_body_set_events(
 }
 
 /// Sets how a body slides and bounces: friction, a Coulomb coefficient of 0 or more, and restitution, 0 to 1. `collider` is as in
-/// dcd_body_set_events.
+/// dcd_body_set_events. Contacts that there are feel a change in the next step; what touches the body wakes.
 ///
 /// Errors:
 /// - DCD_ERR_NULL, DCD_ERR_STALE_ID.

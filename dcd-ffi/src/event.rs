@@ -26,8 +26,9 @@ pub const DCD_CONTACT_ENDED: u32 = 1;
 /// In DcdContact.flags: one of the two colliders is a sensor.
 pub const DCD_CONTACT_SENSOR: u32 = 1;
 
-/// Contact event: two bodies began or ceased to touch. It is reported when either has DCD_EVENT_CONTACT, once per pair, whatever
-/// regions see it. In a served world it is reported for avatars of this process.
+/// Contact event: two colliders of two bodies began or ceased to touch. It is reported when either has DCD_EVENT_CONTACT, once per
+/// pair of colliders, whatever regions see it: two bodies of several colliders touch from the first event that begins to the last
+/// that ends. In a served world it is reported for avatars of this process.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContact {

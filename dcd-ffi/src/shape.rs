@@ -239,6 +239,8 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
         };
         check_numbers(heights, "heights")?;
         check_sizes(&[(scale[0], "scale[0]"), (scale[1], "scale[1]"), (scale[2], "scale[2]")])?;
+        let highest = heights.iter().fold(0.0, |most: f32, height| most.max(height.abs()));
+        check_numbers(&[highest * scale[1]], "heights times scale[1]")?;
         let heights = Array2::new(rows, columns, heights.to_vec());
         add(world, SharedShape::heightfield(heights, Vector::from_array(scale)), out)
     })

@@ -63,6 +63,44 @@ fn worlds() -> impl Iterator<Item = (String, World)> {
 }
 
 #[test]
+fn a_character_that_walks_over_a_border_does_not_stop_there() {
+    for (name, mut world) in worlds() {
+        let id = walker(&mut world, [-2.0, STANDS_M, 0.3]);
+        go(&mut world, id, [3.0, 0.0, 1.5]);
+        run(&mut world, 2);
+        for tick in 0..90 {
+            let before = place(&world, id);
+            run(&mut world, 1);
+            let way = [0, 2].map(|axis| place(&world, id)[axis] - before[axis]);
+            let is_whole = (way[0] - 0.05).abs() < 1e-3 && (way[1] - 0.025).abs() < 1e-3;
+            assert!(is_whole, "{name}: {way:?} m in tick {tick}, at {before:?}");
+        }
+    }
+}
+
+#[test]
+fn a_character_on_level_ground_is_never_stopped() {
+    let shapes = [capsule(), ColliderBuilder::cylinder(0.8, 0.3), ColliderBuilder::cuboid(0.3, 0.8, 0.3)];
+    for (shape, half) in shapes.iter().flat_map(|shape| [200.0, 20.0].map(|half| (shape, half))) {
+        for speed_m_s in [1.0, 3.0, 6.0] {
+            let mut world = World::new(WorldConfig::default()).unwrap();
+            block(&mut world, [0.0, -0.5, 0.0], [half, 0.5, 20.0]);
+            let (body, at) =
+                (RigidBodyBuilder::kinematic_velocity_based(), WorldPose::at([-19.0, 0.83, 0.0]));
+            let id = world.insert_character(at, &Character::default(), body, [shape.clone()]).unwrap();
+            go(&mut world, id, [speed_m_s, 0.0, 0.0]);
+            run(&mut world, 2);
+            let start = place(&world, id);
+            run(&mut world, 300);
+            let [way, rise, _] = std::array::from_fn(|axis| place(&world, id)[axis] - start[axis]);
+            let asked_m = 5.0 * f64::from(speed_m_s);
+            assert!(way > 0.998 * asked_m, "{way} of {asked_m} m on a floor of {half} m");
+            assert!(rise.abs() < 0.02, "{rise} m up");
+        }
+    }
+}
+
+#[test]
 fn it_walks_over_borders_and_stops_at_walls() {
     for (name, mut world) in worlds() {
         block(&mut world, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);

@@ -158,6 +158,57 @@ fn a_run_that_cannot_begin_leaves_no_file_and_records_over_none() {
 }
 
 #[test]
+fn a_run_overwrites_neither_its_scene_nor_one_result_by_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (scene, one, again) = (path("scene.toml"), path("one"), path("./one"));
+    std::fs::write(&scene, "[library]\nscene = \"tower\"\n").unwrap();
+    let text = std::fs::read(&scene).unwrap();
+    let base = ["run", &scene, "--seconds", "0.1"];
+    for [a, b] in [["--save", "--record"], ["--out", "--save"], ["--out", "--gltf"], ["--record", "--gltf"]] {
+        let said = error(&[&base[..], &[a, &one, b, &again]].concat(), 2);
+        assert!(said.contains(&format!("{a} and {b} both name")), "{said}");
+        assert!(said.contains("a file of its own"), "{said}");
+    }
+    for option in ["--out", "--save", "--gltf"] {
+        let said = error(&[&base[..], &[option, &scene]].concat(), 2);
+        assert!(
+            said.contains("is the file of the scene") && said.contains(&format!("give {option}")),
+            "{said}"
+        );
+    }
+    assert_eq!(
+        (std::fs::read(&scene).unwrap(), std::fs::read_dir(folder.path()).unwrap().count()),
+        (text, 1)
+    );
+    // A snapshot is replaced by the one that goes on from it, and by nothing else.
+    let saved = path("saved.dcd");
+    json(&[&base[..], &["--save", &saved]].concat());
+    let goes_on = ["run", &saved, "--seconds", "0.1"];
+    json(&[&goes_on[..], &["--save", &saved, "--out", &one]].concat());
+    assert!(error(&[&goes_on[..], &["--out", &saved]].concat(), 2).contains("is the file of the scene"));
+}
+
+#[test]
+fn a_recording_and_what_is_no_text_are_told_from_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (recording, other) = (path("a.dcdr"), path("other_name"));
+    json(&["run", "tower", "--seconds", "0.1", "--record", &recording]);
+    std::fs::copy(&recording, &other).unwrap();
+    for name in [&recording, &other] {
+        let said = error(&["run", name], 2);
+        assert!(said.contains("is a recording") && said.contains(&format!("`dcd replay {name}`")), "{said}");
+    }
+    for name in ["junk.xml", "junk.urdf", "junk.toml"] {
+        std::fs::write(path(name), [0xff, 0xfe, 0x00, 0x80]).unwrap();
+        let said = error(&["run", &path(name)], 2);
+        assert!(said.contains("it is no text") && said.contains("give a scene file"), "{said}");
+        assert!(!said.contains("permissions"), "{said}");
+    }
+}
+
+#[test]
 fn one_region_gives_the_same_bits_as_the_bare_world() {
     for scene in [&["tower"][..], &["pile", "--set", "n=60"], &["gas", "--set", "n=60"]] {
         let run = |regions| {

@@ -17,7 +17,7 @@ use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::summary::Summary;
 use super::truth::Truth;
-use super::values::{GIVE_UP, SERVER, address, joining, positive, speed, wall_seconds};
+use super::values::{GIVE_UP, SERVER, address, joining, positive, reachable, speed, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::Viewer;
 use crate::drawing::Told;
@@ -77,7 +77,7 @@ pub(super) struct Client {
     #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
     listen: Option<SocketAddr>,
     /// With --compute: the address at which others reach this process, if not the one it listens on
-    #[arg(long, value_name = "ADDR", value_parser = address, requires = "compute")]
+    #[arg(long, value_name = "ADDR", value_parser = reachable, requires = "compute")]
     advertise: Option<SocketAddr>,
     /// How long to wait for a server that is out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]

@@ -15,7 +15,8 @@ const WAIT: Duration = Duration::from_secs(20);
 /// Ends the world of a data folder for all
 ///
 /// A running server tells its nodes and clients, prints its summary and stops. If none runs, the world is
-/// removed from the folder, and nodes that still compute it give up after a while. Keys and used tokens stay.
+/// removed from the folder. Nodes that still compute it wait for a server without end, or as long as their
+/// --give-up says. Keys and used tokens stay.
 ///
 /// Example:
 ///   dcd end --data /var/lib/dcd

@@ -1,7 +1,7 @@
 //! Films the world of a subcommand into a glTF file: the moment at its end, or a stretch as an animation.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::common::Common;
 use super::draft::Draft;
@@ -27,6 +27,21 @@ impl FilmArgs {
     /// Returns whether there is something to film.
     pub(super) fn is_given(&self) -> bool {
         self.gltf.is_some()
+    }
+
+    /// Returns the path of the film, if there is to be one.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.gltf.as_deref()
+    }
+
+    /// Refuses a stretch that begins when a run of so many seconds is over: nothing of it would be filmed.
+    pub(super) fn check_begin(&self, run_s: f64) -> Result<(), Failure> {
+        match &self.gltf_seconds {
+            Some(Range { start, end }) if *start >= run_s => Err(Failure::usage(format!(
+                "--gltf-seconds {start}..{end} begins when the run of {run_s} s is over; begin earlier, or run longer (--seconds)"
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Checks that the file can be written, so that a wrong path does not cost a long run. Its former content
@@ -75,7 +90,8 @@ impl Camera {
         self.take(world, seconds);
     }
 
-    /// Writes the file. It has the world as it is now if no stretch was asked for, or none of it was reached.
+    /// Writes the file. It has the world as it is now if no stretch was asked for, or none of it was reached,
+    /// which is said then.
     pub(super) fn finish(
         mut self,
         world: Option<&impl Source>,
@@ -85,6 +101,11 @@ impl Camera {
         if self.taken == 0
             && let Some(world) = world
         {
+            if let Some(Range { start, end }) = &self.stretch {
+                common.say(&format!(
+                    "nothing of --gltf-seconds {start}..{end} was reached: the film has the end alone"
+                ));
+            }
             self.take(world, seconds);
         }
         let Self { draft, film, taken, failed, .. } = self;
@@ -102,7 +123,7 @@ impl Camera {
     }
 }
 
-fn refused(path: &std::path::Path, error: &GltfError) -> String {
+fn refused(path: &Path, error: &GltfError) -> String {
     format!("cannot write --gltf {}: {error}", path.display())
 }
 

@@ -12,7 +12,7 @@ use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::notify::Notifier;
 use super::summary::{Computed, Summary};
-use super::values::{SERVER, address, joining, unused, wall_seconds};
+use super::values::{SERVER, address, joining, reachable, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker, ProcessError};
@@ -48,7 +48,7 @@ pub(super) struct Node {
     #[arg(long, value_name = "ADDR", value_parser = address)]
     listen: Option<SocketAddr>,
     /// The address at which others reach this node, if not the one it listens on
-    #[arg(long, value_name = "ADDR", value_parser = address)]
+    #[arg(long, value_name = "ADDR", value_parser = reachable)]
     advertise: Option<SocketAddr>,
     /// Regions stepped at the same time [default: as many as there are cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -146,8 +146,10 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             let saved = LocalWorld::open_snapshot(file).and_then(|from| LocalWorld::restore(from, 1));
             let world = saved.map_err(|error| failed(&error))?;
             server.replace(&world).map_err(|error| failed(&error))?;
-            let (tick, bodies) = (world.tick().0, world.stats().bodies);
-            Ok(format!("the world goes on with {bodies} movable bodies of {shown}, saved after tick {tick}"))
+            let tick = world.tick().0;
+            Ok(format!(
+                "the world goes on with what {shown} holds, saved after tick {tick}, but for avatars of clients that are away"
+            ))
         }
         Some(Verb::Backup) => {
             let bodies = server.back_up(file).map_err(|error| error.to_string())?;
@@ -191,5 +193,10 @@ fn files(folder: &Path, prefix: &str) -> Vec<PathBuf> {
 }
 
 fn refused(path: &Path, error: &io::Error) -> Failure {
-    Failure::usage(format!("{}: {error}; name a file in a folder that exists", path.display()))
+    let remedy = match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room there",
+        io::ErrorKind::PermissionDenied => "see that this user may write there",
+        _ => "name a file in a folder that exists",
+    };
+    Failure::usage(format!("{}: {error}; {remedy}", path.display()))
 }

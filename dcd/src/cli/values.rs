@@ -1,6 +1,6 @@
 //! Parses values that several subcommands take.
 
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,6 +30,19 @@ pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     let mut found: Vec<_> = found.collect();
     found.sort_by_key(SocketAddr::is_ipv6);
     found.first().copied().ok_or_else(|| format!("`{text}` has no address; write it as numbers"))
+}
+
+/// Returns an address at which others can reach this process.
+pub(super) fn reachable(text: &str) -> Result<SocketAddr, String> {
+    let found = address(text)?;
+    let ip = found.ip();
+    let is_broadcast = matches!(ip, IpAddr::V4(ip) if ip.is_broadcast());
+    if found.port() == 0 || ip.is_unspecified() || ip.is_multicast() || is_broadcast {
+        return Err(format!(
+            "nobody reaches a process at {found}; write one address of this machine, with its port, as others see it"
+        ));
+    }
+    Ok(found)
 }
 
 /// Returns the configuration to join a server that is at one of these addresses.
@@ -127,6 +140,16 @@ mod tests {
         assert_eq!(address("localhost:9").unwrap().port(), 9);
         assert!(address("192.0.2.7").unwrap_err().contains("192.0.2.7:7420"));
         assert!(address("192.0.2.7:port").unwrap_err().contains("is no address"));
+    }
+
+    #[test]
+    fn what_is_advertised_names_one_process() {
+        assert_eq!(reachable("192.0.2.7:1"), address("192.0.2.7:1"));
+        for wrong in ["0.0.0.0:5", "[::]:5", "192.0.2.7:0", "255.255.255.255:5", "224.0.0.1:5", "[ff02::1]:5"]
+        {
+            assert!(reachable(wrong).unwrap_err().contains("nobody reaches"), "{wrong}");
+        }
+        assert!(reachable("192.0.2.7").unwrap_err().contains("192.0.2.7:7420"));
     }
 
     #[test]

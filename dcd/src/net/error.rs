@@ -20,7 +20,7 @@ pub enum NetError {
         source: io::Error,
     },
     /// The content of a file is not what it should be.
-    #[error("{} is damaged or of another program ({what}); restore it from a copy or remove it and join anew", path.display())]
+    #[error("{} is damaged or of another program ({what}); restore it from a copy; an identity may also be removed, to join anew", path.display())]
     Damaged {
         /// The file or folder.
         path: PathBuf,

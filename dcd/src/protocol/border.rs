@@ -75,6 +75,9 @@ pub struct Strike {
     /// The number of bodies in the island of both, as the sender sees it. The region that sees most is
     /// believed.
     pub seen: u16,
+    /// The number of bodies of that island that the sender owns. Of regions that see as many, the one that owns
+    /// most is believed.
+    pub size: u16,
     /// The regions that hold what struck the body, or that held the body then. Other regions did not see the
     /// impulse.
     pub held_by: RegionSet,

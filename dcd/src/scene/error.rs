@@ -1,6 +1,7 @@
 //! Defines the error of scenes.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -56,7 +57,7 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The file's content is not a valid scene.
     #[error("{}{}: {cause}; {remedy}", path.display(), at(line))]
@@ -70,6 +71,19 @@ pub enum SceneError {
         /// The remedy.
         remedy: String,
     },
+}
+
+impl SceneError {
+    /// Returns the error of a file that could not be read as text.
+    pub(super) fn unreadable(path: &Path, source: io::Error) -> Self {
+        let path = path.to_owned();
+        if source.kind() != io::ErrorKind::InvalidData {
+            return Self::Read { path, source };
+        }
+        let remedy = "give a scene file; a snapshot is gone on with by `dcd run` or dcd_snapshot_load_file, a recording is replayed \
+                      by `dcd replay`";
+        Self::File { path, line: None, cause: "it is no text in UTF-8".to_owned(), remedy: remedy.to_owned() }
+    }
 }
 
 fn hint(nearest: &Option<&'static str>) -> String {

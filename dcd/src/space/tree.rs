@@ -36,7 +36,9 @@ pub enum TreeError {
     #[error("{0} regions asked for: a world has 1 to {MAX_REGIONS}")]
     Count(usize),
     /// Every region is at a limit and cannot be cut further.
-    #[error("no region can be cut further: the limits allow {0} regions here; ask for fewer or loosen them")]
+    #[error(
+        "no region can be cut further: {0} regions fit into the bounds of the world, as a cut leaves at least a metre on either side (`Limits`); ask for fewer or give larger bounds"
+    )]
     Limits(usize),
     /// The vertex is not a leaf of the tree.
     #[error("{0} is not a leaf of the distribution tree")]

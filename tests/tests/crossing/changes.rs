@@ -75,6 +75,68 @@ fn a_body_that_becomes_kinematic_pushes_over_a_border_and_can_be_pushed_afterwar
     }
 }
 
+/// Returns a world with a cube at rest on the floor, which gravity pulls aside, and both bodies.
+fn on_a_slope(mut config: WorldConfig) -> (LocalWorld, BodyId, BodyId) {
+    config.step.gravity = [3.0, -9.0, 0.0];
+    let mut world = LocalWorld::new(config).unwrap();
+    let floor = insert_floor(&mut world);
+    let rough = cube().friction(1.0).friction_combine_rule(CoefficientCombineRule::Min);
+    let cube = world.insert(body_at(-0.1, 0.5, 0.0), rough).unwrap();
+    world.update_collider(floor, 0, |floor| floor.set_friction(1.0)).unwrap();
+    steps(&mut world, 60);
+    assert!((at(&world, cube)[0] + 0.1).abs() < 0.01, "it holds: {:?}", at(&world, cube));
+    (world, floor, cube)
+}
+
+#[test]
+fn what_lies_still_feels_that_it_or_the_ground_has_become_slippery() {
+    for config in [one_world()].into_iter().chain(SHARING.map(halves)) {
+        for of_ground in [false, true] {
+            let (mut world, floor, cube) = on_a_slope(config.clone());
+            let slippery = if of_ground { floor } else { cube };
+            world.update_collider(slippery, 0, |collider| collider.set_friction(0.0)).unwrap();
+            steps(&mut world, 60);
+            let x = at(&world, cube)[0];
+            assert!((1.2..1.7).contains(&x), "half of 3 m/s² s²: {x} m, {:?}", config.step.coupling);
+        }
+    }
+}
+
+#[test]
+fn what_lies_still_feels_that_its_skin_grows_and_that_it_may_touch_nothing() {
+    for config in [one_world()].into_iter().chain(SHARING.map(halves)) {
+        let (mut world, _, cube) = on_a_slope(config);
+        world.update_collider(cube, 0, |collider| collider.set_contact_skin(0.1)).unwrap();
+        steps(&mut world, 60);
+        assert!((at(&world, cube)[1] - 0.6).abs() < 0.02, "{:?}", at(&world, cube));
+        let none = ActiveCollisionTypes::empty();
+        let (mut world, floor, cube) = on_a_slope(one_world());
+        for id in [floor, cube] {
+            world.update_collider(id, 0, |collider| collider.set_active_collision_types(none)).unwrap();
+        }
+        steps(&mut world, 60);
+        assert!(at(&world, cube)[1] < -3.0, "it falls through: {:?}", at(&world, cube));
+    }
+}
+
+#[test]
+fn bodies_at_rest_cease_to_touch_when_a_joint_ties_them_and_touch_again_without_it() {
+    for config in [one_world()].into_iter().chain(SHARING.map(halves)) {
+        let mut world = LocalWorld::new(config).unwrap();
+        insert_floor(&mut world);
+        let [below, above] = [0.5, 1.5].map(|y| world.insert(body_at(-0.1, y, 0.0), cube()).unwrap());
+        steps(&mut world, 60);
+        let rail = PrismaticJointBuilder::new(Vector::Y).contacts_enabled(false);
+        let rail = world.insert_joint(below, above, rail).unwrap();
+        steps(&mut world, 60);
+        assert!(at(&world, above)[1] < 0.7, "it sinks into the other: {:?}", at(&world, above));
+        world.remove_joint(rail).unwrap();
+        steps(&mut world, 60);
+        let apart = distance(at(&world, above), at(&world, below));
+        assert!(apart > 0.9, "they push each other off: {apart} m apart");
+    }
+}
+
 #[test]
 fn a_link_of_a_multibody_does_not_become_fixed() {
     let mut world = LocalWorld::new(WorldConfig::default()).unwrap();

@@ -113,3 +113,27 @@ fn a_body_that_gets_a_collider_goes_where_it_was_sent_and_so_does_what_it_is_tie
         assert_eq!(at(&world, free), [5.0, 0.0, 0.0], "what is put elsewhere stays there");
     }
 }
+
+#[test]
+fn what_a_joint_ties_to_a_resting_body_of_another_region_stays_tied() {
+    let far = [(Axis::X, -3.0), (Axis::X, 0.0), (Axis::X, 3.0)];
+    for coupling in SHARING {
+        for (planes, limit) in [(&far[1..2], 0), (&far[1..2], 256), (&far[..], 256)] {
+            let mut config = cut(coupling, planes);
+            config.step.island_limit = limit;
+            let off = deviation(config, |world| {
+                let post =
+                    RigidBodyBuilder::kinematic_position_based().translation(Vector::new(-4.0, 0.0, 0.0));
+                let post = world.insert(post, ColliderBuilder::ball(0.05)).unwrap();
+                for x in [-1.0, 1.0, 5.0] {
+                    let load =
+                        world.insert(body_at(x, 0.0, 0.0), ColliderBuilder::cuboid(0.2, 0.1, 0.1)).unwrap();
+                    let rope = FixedJointBuilder::new().local_anchor1(Vector::new(x + 4.0, 0.0, 0.0));
+                    world.insert_joint(post, load, rope).unwrap();
+                }
+                steps(world, 180);
+            });
+            assert!(off < 0.05, "{} at {planes:?}, islands up to {limit}: {off} m off", coupling.name());
+        }
+    }
+}

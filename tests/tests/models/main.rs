@@ -8,3 +8,4 @@ mod hostile;
 mod list;
 mod placing;
 mod real;
+mod welds;

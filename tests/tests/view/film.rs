@@ -229,4 +229,10 @@ fn a_film_takes_a_world_of_regions_a_folder_that_is_there_and_a_stretch_that_has
     assert!(Process::start(&bare).line("error: ").contains("--gltf takes a world of regions"));
     let backwards = ["run", "tower", "--gltf", "/dev/null", "--gltf-seconds", "3..1"];
     assert!(Process::start(&backwards).line("error: ").contains("the lower one first"));
+    let late = ["run", "tower", "--seconds", "0.1", "--gltf", "/dev/null", "--gltf-seconds", "5..9"];
+    assert!(
+        Process::start(&late)
+            .line("error: ")
+            .contains("--gltf-seconds 5..9 begins when the run of 0.1 s is over")
+    );
 }

@@ -2,12 +2,13 @@
 
 mod csv;
 mod live;
+mod outputs;
 pub(in crate::cli) mod snapshot;
 mod table;
 
 use std::net::SocketAddr;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::common::{Common, print};
@@ -20,7 +21,7 @@ use super::values::{address, unused};
 use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
 use crate::Viewer;
-use crate::recording::{Background, RecordingError};
+use crate::recording::{Background, Reader, RecordingError};
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
@@ -91,6 +92,16 @@ pub(super) struct Run {
 impl Run {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         self.record.as_deref().map_or(Ok(()), unused)?;
+        outputs::check(
+            &self.scene,
+            [
+                ("--out", self.out.as_deref()),
+                ("--save", self.save.as_deref()),
+                ("--record", self.record.as_deref()),
+                ("--gltf", self.film.path()),
+            ],
+        )?;
+        self.film.check_begin(self.seconds())?;
         let (cast, plan, mut subject) = self.start(common)?;
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
@@ -169,6 +180,12 @@ impl Run {
         if snapshot::is_one(&self.scene) {
             return self.resume(common);
         }
+        if is_recording(&self.scene) {
+            return Err(Failure::usage(format!(
+                "{0} is a recording, which `dcd run` does not take; compute it again by `dcd replay {0}`",
+                self.scene
+            )));
+        }
         let needs = [
             ("--save", self.save.is_some()),
             ("--view", self.view.is_some()),
@@ -234,6 +251,14 @@ impl Run {
         config.threads = self.threads.map_or(cores, usize::from);
         Ok(Plan { config: Some(config), ticks })
     }
+}
+
+/// Returns whether this path is that of a recording, by its extension or its content.
+fn is_recording(path: &str) -> bool {
+    let is_other =
+        |path: &Path| matches!(Reader::open(path), Err(RecordingError::Foreign | RecordingError::Io(_)));
+    let file = Path::new(path);
+    path.ends_with(".dcdr") || file.is_file() && !is_other(file)
 }
 
 fn after_help() -> String {

@@ -596,10 +596,12 @@ fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
 }
 
 /// Returns whether a body can be transferred at once without loss: it is awake, no other region holds it, and
-/// nothing touches it or is tied to it.
+/// nothing touches it or is tied to it. A character would stand still in its first tick there: its new owner
+/// holds it first.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let asleep = region.physics().bodies[handle].is_sleeping();
-    region.slot(handle).holders.is_empty() && !asleep && !region.is_pressed(handle)
+    let slot = region.slot(handle);
+    slot.holders.is_empty() && slot.traits.character.is_none() && !asleep && !region.is_pressed(handle)
 }
 
 /// Sends a body that no other region holds to its new owner, whole. The caller must remove it here.

@@ -98,18 +98,26 @@ impl Reach {
     }
 
     /// Marks kinematic bodies with the regions of the bodies that they carry: all regions that hold what
-    /// touches them, even as a ghost, and those that `met` names. A kinematic body must be in a region before
-    /// what it carries is owned there.
+    /// touches them or is tied to them by joints, even as a ghost, and those that `met` names. A kinematic body
+    /// must be in a region before what it carries is owned there. What is tied to it is marked with the region of
+    /// the kinematic body, which learns so where its load is.
     pub(super) fn carry(&mut self, region: &Region, met: Vec<(RigidBodyHandle, RegionSet)>) {
         if !region.has_kinematic() {
             return;
         }
         let own = RegionSet::only(region.rank());
-        let mut carriers = met;
+        let (mut carriers, mut tied) = (met, Vec::new());
         for link in region.held_elsewhere() {
             let slot = region.slot(link.handle);
             if slot.traits.kind == BodyKind::Dynamic {
                 region.for_each_contact(link.handle, |other, _| carriers.push((other, slot.holders)));
+            } else if let Ownership::Replica { owner } = slot.role {
+                tied.extend(region.tied_to(link.handle).map(|other| (other, RegionSet::only(owner))));
+            }
+        }
+        for (handle, set) in tied {
+            if region.slot(handle).role == Ownership::Owner && !region.is_articulated(handle) {
+                self.mark(handle, set);
             }
         }
         for (handle, set) in carriers {

@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use rapier3d::prelude::*;
 
+use super::contacts::renew_contacts;
 use super::{Moved, Region};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -157,6 +158,10 @@ impl Region {
             }
             let tells = |own: &Collider| own.active_events().contains(ActiveEvents::COLLISION_EVENTS);
             let is_muted = tells(own) && !tells(&changed);
+            let felt = |own: &Collider| (*own.material(), own.contact_skin(), own.active_collision_types());
+            if felt(own) != felt(&changed) {
+                renew_contacts(&mut changed);
+            }
             *own = changed;
             let of = (slot.id, index as u16);
             region.listener.name(own, collider, of, &slot.traits.colliders[index]);

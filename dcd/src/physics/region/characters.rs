@@ -5,7 +5,9 @@
 //! copies of a body are pushed alike, as by a user. Where the copies of a character differ, its owner's
 //! counts, as for all kinematic bodies.
 
-use rapier3d::control::{CharacterAutostep, CharacterLength, KinematicCharacterController};
+use rapier3d::control::{
+    CharacterAutostep, CharacterLength, EffectiveCharacterMovement, KinematicCharacterController,
+};
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +29,10 @@ const MOST_BY_WEIGHT_M_S: f32 = 1.0;
 
 /// The part of its gap to the ground by which a standing character is drawn down per tick.
 const HOLD: f32 = 0.5;
+
+/// The cosine of the slope of ground on which a character that goes on is never stopped. Rapier's controller
+/// takes a rounding error of the ground's normal for a slope down which the character slides, and stops it.
+const LEVEL: f32 = 0.999;
 
 /// A character held by a region.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -208,17 +214,32 @@ impl Region {
         let nobody = RigidBodySet::new();
         let queries = QueryPipeline { bodies: &nobody, ..world.query_pipeline_with_filter(filter) };
         let around = self.around(&queries, part.shape(), &place, character.gap_m, stands.then_some(up));
-        let own = wanted - up * wanted.dot(up) + up * asked_m_s;
-        let desired = around.borne_by(own * dt_s, dt_s);
-        let mut met = Vec::<Met>::new();
-        let moved =
-            controller(character, up).move_shape(dt_s, &queries, part.shape(), &place, desired, |hit| {
-                if met.iter().all(|met| met.collider != hit.handle) {
-                    let (point, normal) = (hit.hit.witness1, hit.hit.normal1);
-                    met.push(Met { collider: hit.handle, point, normal });
+        let level_m_s = wanted - up * wanted.dot(up);
+        let go = |own_m_s: Vector| {
+            let desired = around.borne_by(own_m_s * dt_s, dt_s);
+            let mut met = Vec::<Met>::new();
+            let moved =
+                controller(character, up).move_shape(dt_s, &queries, part.shape(), &place, desired, |hit| {
+                    if met.iter().all(|met| met.collider != hit.handle) {
+                        let (point, normal) = (hit.hit.witness1, hit.hit.normal1);
+                        met.push(Met { collider: hit.handle, point, normal });
+                    }
+                });
+            (moved, met)
+        };
+        let (mut moved, mut met) = go(level_m_s + up * asked_m_s);
+        if stands && met.iter().all(|met| met.normal.dot(up) > LEVEL) {
+            let way = |moved: &EffectiveCharacterMovement| {
+                (moved.translation - around.carried * dt_s).dot(level_m_s) / dt_s
+            };
+            if way(&moved) < 0.99 * level_m_s.length_squared() {
+                let again = go(level_m_s);
+                if way(&again.0) > way(&moved) {
+                    (moved, met) = again;
                 }
-            });
-        let force_m_s = wanted - up * wanted.dot(up) + up * rise_m_s;
+            }
+        }
+        let force_m_s = level_m_s + up * rise_m_s;
         let rose_m_s = (moved.translation - around.carried * dt_s).dot(up) / dt_s;
         let is_held = rose_m_s.abs() < 0.5 * asked_m_s.abs() || rose_m_s * asked_m_s < 0.0;
         // On ground that is too steep to stand on, it falls as fast as it slides.

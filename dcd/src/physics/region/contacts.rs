@@ -102,6 +102,15 @@ impl Region {
         }
     }
 
+    /// Returns the bodies held here that joints tie to this one.
+    pub(in crate::physics) fn tied_to(
+        &self,
+        handle: RigidBodyHandle,
+    ) -> impl Iterator<Item = RigidBodyHandle> {
+        let ends = self.slot(handle).joints.iter().filter_map(|&joint| self.joint_ends(joint));
+        ends.map(move |(a, b)| if a == handle { b } else { a })
+    }
+
     /// Returns whether a joint holds the body or anything touches it, immovable bodies included.
     pub(in crate::physics) fn is_pressed(&self, handle: RigidBodyHandle) -> bool {
         let touches = |&collider: &ColliderHandle| {
@@ -138,4 +147,34 @@ impl Region {
     fn is_movable(&self, handle: RigidBodyHandle) -> bool {
         self.role_of(handle).is_some_and(|(_, role)| role != Ownership::Immovable)
     }
+
+    /// Makes the next step find the contacts of two bodies anew ([`renew_contacts`]), if any of their colliders are
+    /// near one another.
+    pub(super) fn renew_contacts_between(&mut self, ends: [Option<RigidBodyHandle>; 2]) {
+        let [Some(a), Some(b)] = ends else { return };
+        let mut near = Vec::new();
+        for &collider in self.world.bodies[a].colliders() {
+            let is_near = |pair: &ContactPair| {
+                let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
+                self.world.colliders.get(other).and_then(Collider::parent) == Some(b)
+            };
+            near.extend(
+                self.world.narrow_phase.contact_pairs_with(collider).any(is_near).then_some(collider),
+            );
+        }
+        for collider in near {
+            renew_contacts(&mut self.world_mut().colliders[collider]);
+        }
+    }
+}
+
+/// Makes the next step find all contacts of a collider anew. Rapier takes the contacts of what has hardly moved
+/// over from the step before. It does not notice that the material, the skin or the collision types have changed,
+/// nor that a joint now lets the two bodies collide or no longer does.
+pub(super) fn renew_contacts(collider: &mut Collider) {
+    // Rapier marks only groups that differ from those before.
+    let (groups, none) = (collider.collision_groups(), InteractionGroups::none());
+    let other = if groups == none { InteractionGroups::all() } else { none };
+    collider.set_collision_groups(other);
+    collider.set_collision_groups(groups);
 }

@@ -94,6 +94,9 @@ impl Region {
                 if let Some(Solver::Multibody(_)) = held.handle {
                     linked.push(id);
                 }
+                if !held.record.contacts_enabled {
+                    self.renew_contacts_between([Some(a), Some(b)]);
+                }
                 self.joints.insert(id, held);
             }
         }
@@ -268,6 +271,9 @@ impl Region {
             self.joint_news.untied.push(handle);
             let ends = [joint.record.a, joint.record.b].map(|end| self.handle_of(end));
             self.joint_news.woken.extend(ends.into_iter().flatten());
+            if !joint.record.contacts_enabled {
+                self.renew_contacts_between(ends);
+            }
         } else {
             self.joint_news.tied.retain(|&other| other != id);
         }
@@ -294,6 +300,7 @@ impl Region {
             return true;
         }
         let Some(mut held) = self.joints.remove(&id) else { return false };
+        let collided = held.record.contacts_enabled;
         let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
         if let [Some(a), Some(b)] = ends
             && self.is_solvable(a, b)
@@ -320,6 +327,9 @@ impl Region {
                 held.record = joints::renewed(&held.record, joint);
                 joints::share_out(joint, &held.record, held.parts);
             }
+        }
+        if held.record.contacts_enabled != collided {
+            self.renew_contacts_between(ends);
         }
         self.joints.insert(id, held);
         true

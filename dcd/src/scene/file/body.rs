@@ -83,10 +83,23 @@ impl BodyDef {
             ));
         }
         if self.kind == Kind::Dynamic && self.extra_mass.is_none() && mass_kg <= 0.0 {
-            return Err(Fault::new(
-                "a dynamic body has no mass",
-                "give it a [[body.collider]] that is enabled, with a density or mass, or an extra_mass",
-            ));
+            let is_hollow = |collider: &ColliderBuilder| {
+                let shape = &collider.shape;
+                shape.as_halfspace().is_some()
+                    || shape.as_trimesh().is_some()
+                    || shape.as_heightfield().is_some()
+            };
+            return Err(if colliders.iter().any(|collider| collider.enabled && is_hollow(collider)) {
+                Fault::new(
+                    "a dynamic body has no mass: a halfspace, an open mesh and a heightfield have none by density",
+                    "give its [[body.collider]] a mass, or the body an extra_mass or kind = \"fixed\"",
+                )
+            } else {
+                Fault::new(
+                    "a dynamic body has no mass",
+                    "give it a [[body.collider]] that is enabled, with a density or mass, or an extra_mass",
+                )
+            });
         }
         Ok(SceneBody { pose: world_pose(self.position.0, turn), body: self.builder(), colliders })
     }

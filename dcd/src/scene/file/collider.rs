@@ -4,7 +4,7 @@ use rapier3d::parry::transformation::try_convex_hull;
 use rapier3d::prelude::*;
 use serde::Deserialize;
 
-use super::numbers::{Direction, Finite, NonNegative, Positive, Quaternion, rotation, set, vector};
+use super::numbers::{Direction, Finite, NonNegative, Positive, Quaternion, Share, rotation, set, vector};
 use super::source::Fault;
 
 #[derive(Deserialize)]
@@ -27,7 +27,7 @@ pub(super) struct ColliderDef {
     mass: Option<NonNegative>,
     friction: Option<NonNegative>,
     friction_rule: Option<Rule>,
-    restitution: Option<NonNegative>,
+    restitution: Option<Share>,
     restitution_rule: Option<Rule>,
     sensor: Option<bool>,
     enabled: Option<bool>,

@@ -9,7 +9,6 @@ mod world;
 
 use crate::scene::bounded::read_text;
 use std::collections::BTreeMap;
-use std::io;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -38,17 +37,8 @@ struct SceneFile {
 
 /// Reads, checks and builds a scene file.
 pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
-    let text = read_text(path).map_err(|source| unreadable(path, source))?;
+    let text = read_text(path).map_err(|source| SceneError::unreadable(path, source))?;
     parse(&Source { path, text: &text }, params)
-}
-
-fn unreadable(path: &Path, source: io::Error) -> SceneError {
-    let path = path.to_owned();
-    if source.kind() != io::ErrorKind::InvalidData {
-        return SceneError::Read { path, source };
-    }
-    let remedy = "give a scene file; a snapshot is gone on with by `dcd run` or dcd_snapshot_load_file";
-    SceneError::File { path, line: None, cause: "it is no text".to_owned(), remedy: remedy.to_owned() }
 }
 
 fn parse(source: &Source<'_>, params: &Params) -> Result<Scene, SceneError> {

@@ -44,6 +44,12 @@ checked!(
     |value| value > 0.0,
     "a finite number above 0"
 );
+checked!(
+    /// A share of a whole.
+    Share,
+    |value| (0.0..=1.0).contains(&value),
+    "a number from 0 to 1"
+);
 
 /// A position or a step in world space, metres.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]

@@ -330,6 +330,8 @@ fn numbers_that_no_world_can_use_are_refused_at_their_line() {
     refused("[[body]]\nposition = [0, nan, 0]\n", 2, &["not a finite number"]);
     refused("[world]\ndt = 0\n", 2, &["0 is not a finite number above 0"]);
     refused("[[body]]\nvelocity = [1e39, 0, 0]\n", 2, &["not a finite number"]);
+    refused(&format!("{FLOOR}restitution = 50\n"), 6, &["50 is not a number from 0 to 1"]);
+    assert!(read(&format!("{FLOOR}restitution = 1\nfriction = 50\n")).is_ok());
     refused("[[body]]\nrotation = [0, 0, 0, 2]\n", 2, &["not a unit quaternion", "euler_deg"]);
     let sphere = "[[body]]\n[[body.collider]]\nshape = \"sphere\"\nradius = -1\n";
     refused(sphere, 4, &["-1 is not a finite number above 0"]);
@@ -341,7 +343,11 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
     refused("[world]\nbounds = { min = [0, 0, 0], max = [1, 0, 1] }\n", 1, &["hold nothing"]);
     refused("[world]\nname = \"empty\"\n", 1, &["no finite body"]);
     refused("[[body]]\nname = \"x\"\n", 1, &["no mass", "extra_mass"]);
-    refused("[[body]]\n[[body.collider]]\nshape = \"halfspace\"\nnormal = [0, 1, 0]\n", 1, &["no mass"]);
+    let hollow = &["no mass", "a halfspace, an open mesh", "give its [[body.collider]] a mass", "\"fixed\""];
+    refused("[[body]]\n[[body.collider]]\nshape = \"halfspace\"\nnormal = [0, 1, 0]\n", 1, hollow);
+    let open = "[[body]]\n[[body.collider]]\nshape = \"mesh\"\npoints = [[0,0,0],[1,0,0],[0,0,1]]\ntriangles = [[0,1,2]]\n";
+    refused(open, 1, hollow);
+    assert_eq!(read(&format!("{open}mass = 1\n")).unwrap().bodies.len(), 1);
     let cube = "[[body]]\n[[body.collider]]\nshape = \"box\"\n";
     refused(&format!("{cube}half_size = [1, 1, 1]\nenabled = false\n"), 1, &["no mass", "enabled"]);
     let heavy = format!("{cube}half_size = [1, 1, 1]\nmass = 3e38\n");

@@ -76,12 +76,38 @@ fn read(path: &Path) -> Result<(Vec<Triangles>, bool), Fault> {
 /// Reads an obj or stl file, without the materials that an obj names: they could be any file of any size, and
 /// nothing collides with a colour.
 fn load(bytes: &[u8], path: &Path) -> Result<Vec<Triangles>, Fault> {
+    if path.extension().is_some_and(|extension| extension == "stl")
+        && let Some(corners) = binary_stl(bytes)
+    {
+        return Ok((!corners.is_empty()).then(|| indexed(corners)).into_iter().collect());
+    }
     let no_materials = |_: &Path| -> io::Result<Vec<u8>> { Err(io::ErrorKind::NotFound.into()) };
     let scene = mesh_loader::Loader::default().load_from_slice_with_reader(bytes, path, no_materials);
     let scene = scene
         .map_err(|error| Fault::new(error.to_string(), format!("check that it is a whole {FORMATS} file")))?;
     let meshes = scene.meshes.into_iter().filter(|mesh| !mesh.vertices.is_empty() && !mesh.faces.is_empty());
     Ok(meshes.map(|mesh| (mesh.vertices.into_iter().map(Vector::from).collect(), mesh.faces)).collect())
+}
+
+/// Returns the triangles of a binary STL file: a header of 80 bytes of any content, the number of triangles,
+/// and 50 bytes of each. `None` if the length is another one: the file is text then, or broken. The loader goes
+/// by the first word, `solid` in text, but programs begin the headers of binary files by it too.
+fn binary_stl(bytes: &[u8]) -> Option<Corners> {
+    const TRIANGLE: usize = 50;
+    let (_, counted) = bytes.split_at_checked(80)?;
+    let (count, triangles) = counted.split_first_chunk::<4>()?;
+    if u64::from(u32::from_le_bytes(*count)) * TRIANGLE as u64 != triangles.len() as u64 {
+        return None;
+    }
+    let number = |bytes: &[u8], at: usize| {
+        f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+    };
+    let corner = |bytes: &[u8], at: usize| {
+        Vector::new(number(bytes, at), number(bytes, at + 4), number(bytes, at + 8))
+    };
+    // The normal comes first, and an attribute of two bytes last.
+    let corners = |bytes: &[u8]| [12, 24, 36].map(|at| corner(bytes, at));
+    Some(triangles.chunks_exact(TRIANGLE).map(corners).collect())
 }
 
 fn indexed(corners: Corners) -> Triangles {
@@ -170,5 +196,35 @@ mod tests {
         assert!((found.local_com - Vector::new(5.0, 0.0, 0.0)).length() < 1e-5);
         let difference = found.reconstruct_inertia_matrix() - right.reconstruct_inertia_matrix();
         assert!(difference.to_cols_array().into_iter().all(|v| v.abs() < 1e-2), "{difference:?}");
+    }
+
+    #[test]
+    fn an_stl_is_binary_if_its_length_says_so_whatever_its_header_says() {
+        let stl = |header: &str, count: u32| {
+            let mut bytes = vec![b' '; 80];
+            bytes[..header.len()].copy_from_slice(header.as_bytes());
+            bytes.extend(count.to_le_bytes());
+            for _ in 0..count {
+                let numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 0.0];
+                bytes.extend(numbers.iter().flat_map(|number: &f32| number.to_le_bytes()));
+                bytes.extend([7u8; 2]);
+            }
+            bytes
+        };
+        let read = |bytes: &[u8]| load(bytes, Path::new("m.stl")).unwrap();
+        let right = [Vector::ZERO, Vector::new(2.0, 0.0, 0.0), Vector::new(0.0, 3.0, 0.0)];
+        // 10, and 10 in a byte of 2,560, are newlines.
+        for (header, count) in
+            [("solid cube", 10), ("solid \ncube", 12), ("solid cube", 2_560), ("solid cube", 12), ("", 12)]
+        {
+            let meshes = read(&stl(header, count));
+            let [(points, triangles)] = &meshes[..] else { panic!("{header:?}: {} meshes", meshes.len()) };
+            assert_eq!(triangles.len(), count as usize, "{header:?}");
+            assert_eq!((&points[..3], triangles[1]), (&right[..], [3, 4, 5]), "{header:?}");
+        }
+        assert!(read(&stl("solid none", 0)).is_empty());
+        let text = "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 3 0\n\
+                    endloop\nendfacet\nendsolid t\n";
+        assert_eq!(read(text.as_bytes())[0].0, right);
     }
 }

@@ -45,7 +45,7 @@ impl Fault {
 
 impl Source {
     pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = read_text(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| SceneError::unreadable(path, source))?;
         Ok(Self { path: path.to_owned(), text: without_declaration(text), own_lines: true })
     }
 

@@ -5,8 +5,9 @@ use std::collections::VecDeque;
 
 use rapier3d::prelude::*;
 
-use super::model::{Model, ModelJoint, is_weld};
+use super::model::{Model, ModelJoint, Part, is_weld};
 use super::source::Fault;
+use super::warnings::Warnings;
 
 /// The largest fraction of its mass that a body lends to one without.
 const LENT: f32 = 0.1;
@@ -20,29 +21,30 @@ pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
         }
     }
     for part in model.parts.iter_mut().filter(|part| part.is_dynamic()) {
-        let inertia = part.mass.principal_inertia();
-        if inertia.min_element() > 0.0 {
-            continue;
-        }
-        let mass = part.mass.mass();
-        let shapes = part.colliders.iter().fold(MassProperties::default(), |sum, collider| {
-            sum + collider.shape.mass_properties(1.0).transform_by(&collider.position)
-        });
-        let of_shapes = shapes.principal_inertia() * (mass * shapes.inv_mass);
-        let found = if of_shapes.min_element() > 0.0 {
-            model.warnings.add("inertia", &*part.name, "not given: that of its shapes is taken");
-            of_shapes
-        } else {
-            model.warnings.add(
-                "inertia without shape",
-                &*part.name,
-                "not given: that of a ball of 0.1 m is taken",
-            );
-            Vector::splat(0.4 * mass * 0.01)
-        };
-        part.mass = MassProperties::new(part.mass.local_com, mass, found);
+        give_inertia(part, &mut model.warnings);
     }
     Ok(())
+}
+
+/// Gives a body the inertia of its shapes, or that of a ball, if it has none.
+pub(super) fn give_inertia(part: &mut Part, warnings: &mut Warnings) {
+    let inertia = part.mass.principal_inertia();
+    if inertia.min_element() > 0.0 {
+        return;
+    }
+    let mass = part.mass.mass();
+    let shapes = part.colliders.iter().fold(MassProperties::default(), |sum, collider| {
+        sum + collider.shape.mass_properties(1.0).transform_by(&collider.position)
+    });
+    let of_shapes = shapes.principal_inertia() * (mass * shapes.inv_mass);
+    let found = if of_shapes.min_element() > 0.0 {
+        warnings.add("inertia", &*part.name, "not given: that of its shapes is taken");
+        of_shapes
+    } else {
+        warnings.add("inertia without shape", &*part.name, "not given: that of a ball of 0.1 m is taken");
+        Vector::splat(0.4 * mass * 0.01)
+    };
+    part.mass = MassProperties::new(part.mass.local_com, mass, found);
 }
 
 /// Fixes bodies that a weld of the tree ties to something fixed; the joint is removed.

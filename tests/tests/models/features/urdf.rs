@@ -35,6 +35,12 @@ fn arm(kind: &str, elements: &str) -> String {
     ))
 }
 
+/// Returns a robot with 24 kg in its last link, which has 1 kg.
+fn top_heavy(robot: &str) -> String {
+    let (before, after) = robot.rsplit_once(r#"<mass value="1"/>"#).expect("links have mass");
+    format!(r#"{before}<mass value="24"/>{after}"#)
+}
+
 const RANGE: &str = r#"<axis xyz="0 1 0"/><limit lower="-1" upper=".5" effort="1" velocity="1"/>"#;
 
 pub(super) fn rows() -> Vec<Row> {
@@ -49,7 +55,8 @@ fn links() -> Vec<Row> {
         row("inertial origin rpy", Carried, robot(r#"<link name="a"><inertial><origin rpy="0 0 1.5707963"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial></link>"#), |s| near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][0], 2.0)),
         row("inertial without inertia", Warned, robot(r#"<link name="a"><inertial><mass value="2"/></inertial></link>"#), |s| mass(s, 0).principal_inertia().min_element() > 0.0),
         row("root without mass", Warned, robot(r#"<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>"#), |s| s.bodies[0].body.body_type == RigidBodyType::Fixed),
-        row("link without mass between others", Carried, robot(&format!(r#"{}<link name="f"><collision><geometry><sphere radius=".1"/></geometry></collision></link><joint name="j" type="fixed"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| near(mass(s, 0).mass() + mass(s, 1).mass(), 1.0) && mass(s, 1).mass() > 0.0),
+        row("root without mass, fixed to a link that has it (base_inertia)", Carried, robot(&format!(r#"<link name="base">{BALL}</link>{}<joint name="j" type="fixed"><parent link="base"/><child link="a"/><origin xyz="0 0 1"/></joint>"#, link("a", ""))), |s| s.bodies.len() == 1 && s.bodies[0].body.body_type == RigidBodyType::Dynamic && s.bodies[0].colliders.len() == 1 && near(mass(s, 0).mass(), 1.0) && near3(mass(s, 0).local_com, [0.0, 0.0, 1.0])),
+        row("link without mass between others", Carried, robot(&format!(r#"{}<link name="f"><collision><geometry><sphere radius=".1"/></geometry></collision></link><joint name="j" type="continuous"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| near(mass(s, 0).mass() + mass(s, 1).mass(), 1.0) && mass(s, 1).mass() > 0.0),
         row("link without mass beside another robot", Refused, robot(&format!(r#"<link name="world"/><link name="pan"><visual/></link>{}<joint name="j" type="continuous"><parent link="world"/><child link="pan"/></joint><joint name="k" type="continuous"><parent link="world"/><child link="a"/></joint>"#, link("a", ""))), any),
         row("empty links (frames)", Carried, robot(&format!(r#"{}<link name="f"/><joint name="j" type="fixed"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| s.bodies.len() == 1),
         row("an empty root world welded to the robot", Carried, robot(&format!(r#"<link name="world"/>{}{}<joint name="j" type="fixed"><parent link="world"/><child link="a"/><origin xyz="1 0 2" rpy="0 0 1.5707963"/></joint><joint name="k" type="fixed"><parent link="world"/><child link="b"/><origin xyz="-1 0 2"/></joint>"#, link("a", ""), link("b", ""))), |s| s.bodies.len() == 2 && s.bodies.iter().all(|body| body.body.body_type == RigidBodyType::Fixed) && at(s, 0, [1.0, 0.0, 2.0]) && at(s, 1, [-1.0, 0.0, 2.0]) && near3(Rotation::from_array(s.bodies[0].pose.rotation) * Vector::X, [0.0, 1.0, 0.0])),
@@ -74,7 +81,7 @@ fn links() -> Vec<Row> {
         row("contact lateral_friction, restitution (Bullet)", Carried, robot(&link("a", r#"<contact><lateral_friction value=".9"/><restitution value=".3"/></contact><collision><geometry><sphere radius="1"/></geometry></collision>"#)), |s| (s.bodies[0].colliders[0].friction, s.bodies[0].colliders[0].restitution) == (0.9, 0.3)),
         row("contact rolling_friction, spinning_friction", Warned, robot(&link("a", r#"<contact><rolling_friction value=".9"/></contact>"#)), any),
         row("contact stiffness, damping", Warned, robot(&link("a", r#"<contact><stiffness value="9"/></contact>"#)), any),
-        row("links that overlap at the start", Warned, robot(&format!(r#"{0}{1}{2}<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><joint name="k" type="fixed"><parent link="b"/><child link="c"/></joint>"#, link("a", BALL), link("b", BALL), link("c", BALL))), |s| apart(s, 0, 2)),
+        row("links that overlap at the start", Warned, robot(&format!(r#"{0}{1}{2}<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint><joint name="k" type="continuous"><parent link="b"/><child link="c"/></joint>"#, link("a", BALL), link("b", BALL), link("c", BALL))), |s| apart(s, 0, 2)),
         row("visual, material", Unused, robot(&format!(r#"<material name="m"/>{}"#, link("a", r#"<visual><geometry><mesh filename="none.dae"/></geometry></visual>"#))), only),
         row("gazebo", Warned, robot(&format!(r#"{}<gazebo reference="a"><mu1>.5</mu1></gazebo>"#, link("a", ""))), any),
         row("transmission, sensor", Unused, robot(&format!("{}<transmission/>", link("a", ""))), only),
@@ -106,6 +113,32 @@ fn joints() -> Vec<Row> {
         row("joint fixed", Carried, arm("fixed", ""), |s| {
             joint(s, 0).locked_axes == JointAxesMask::LOCKED_FIXED_AXES
         }),
+        row("joint fixed, masses 10:1 and more apart", Carried, top_heavy(&arm("fixed", "")), |s| {
+            let one = s.bodies.len() == 1 && s.joints.is_empty() && s.bodies[0].colliders.len() == 2;
+            let inertia = mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d();
+            one && near3(ends(s, 1)[1], [0.1, 0.1, 1.1])
+                && near3(mass(s, 0).local_com, [0.0, 0.0, 0.96])
+                && [(mass(s, 0).mass(), 25.0), (inertia[0][0], 2.96), (inertia[2][2], 2.0)]
+                    .into_iter()
+                    .all(|(found, right)| near(found, right))
+        }),
+        row(
+            "a joint below such a one",
+            Carried,
+            top_heavy(&arm("fixed", "")).replace(r#"xyz="0 0 1""#, r#"xyz="0 0 1" rpy="0 0 1.5707963""#).replace(
+                "</robot>",
+                &format!(
+                    r#"{}<joint name="k" type="continuous"><parent link="b"/><child link="c"/><origin xyz="2 0 0"/></joint></robot>"#,
+                    link("c", "")
+                ),
+            ),
+            |s| {
+                (s.bodies.len(), s.joints.len(), s.joints[0].a, s.joints[0].b) == (2, 1, 0, 1)
+                    && at(s, 1, [0.0, 2.0, 1.0])
+                    && near3(joint(s, 0).local_frame1.translation, [0.0, 2.0, 1.0])
+                    && near3(joint(s, 0).local_frame1.rotation * Vector::X, [0.0, 1.0, 0.0])
+            },
+        ),
         row("joint floating", Carried, arm("floating", ""), |s| joint(s, 0).locked_axes.is_empty()),
         row("joint spherical", Carried, arm("spherical", ""), |s| {
             joint(s, 0).locked_axes == JointAxesMask::LOCKED_SPHERICAL_AXES

@@ -2,6 +2,7 @@
 
 mod parse;
 mod roots;
+mod welds;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -13,12 +14,13 @@ use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 use super::ModelParams;
 use super::files::Files;
 use super::mesh::{self, Meshes};
-use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
+use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
 use super::source::{Fault, Source};
 use crate::physics::LinkSettings;
 use crate::scene::SceneError;
 use parse::Parsed;
 use roots::Roots;
+use welds::Welds;
 
 /// Reads a URDF file into a model.
 pub(super) fn read(source: &Source, params: &ModelParams, files: &Files) -> Result<Model, SceneError> {
@@ -65,12 +67,14 @@ fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams, files: &Fi
         model.parts.push(part);
     }
     add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited, params.multibody);
-    fix_weightless_roots(&mut model);
-    let fixed: Vec<bool> = fixed_at_last(&model);
+    let welds = Welds::of(&model);
+    fix_weightless_roots(&mut model, &welds);
+    let fixed = welds.any(&model, Part::is_fixed);
     for ((part, link), fixed) in model.parts.iter_mut().zip(&made.links).zip(fixed) {
         let name = &parsed.robot.links[link.urdf_link_index].name;
         replace_meshes(part, shapes.get(name).map_or(&[], Vec::as_slice), fixed)?;
     }
+    welds.merge(&mut model);
     keep_overlapping_apart(&mut model);
     Ok(model)
 }
@@ -241,27 +245,19 @@ fn brake(
     }
 }
 
-/// Fixes roots without mass: such a root is the world, or stands in it.
-fn fix_weightless_roots(model: &mut Model) {
-    for index in 0..model.parts.len() {
+/// Fixes roots that have no mass, nor are tied to any by fixed joints: such a root is the world, or stands in
+/// it. A root without mass whose name is `world` is the world, as in other readers of URDF.
+fn fix_weightless_roots(model: &mut Model, welds: &Welds) {
+    let weighs = welds.any(model, |part| part.mass.inv_mass > 0.0);
+    for (index, weighs) in weighs.into_iter().enumerate() {
         let root = model.joints.iter().all(|joint| joint.b != index);
         let part = &mut model.parts[index];
-        if root && part.is_dynamic() && part.mass.inv_mass == 0.0 {
+        let is_world = part.mass.inv_mass == 0.0 && part.name == roots::WORLD;
+        if root && part.is_dynamic() && (is_world || !weighs) {
             part.body.body_type = RigidBodyType::Fixed;
             model.warnings.add("root without mass", &*part.name, "is fixed where it is");
         }
     }
-}
-
-/// Returns for each part whether it ends up fixed: by itself, or welded to something fixed.
-fn fixed_at_last(model: &Model) -> Vec<bool> {
-    let mut fixed: Vec<bool> = model.parts.iter().map(Part::is_fixed).collect();
-    while let Some(joint) =
-        model.joints.iter().find(|joint| is_weld(&joint.joint) && fixed[joint.a] != fixed[joint.b])
-    {
-        (fixed[joint.a], fixed[joint.b]) = (true, true);
-    }
-    fixed
 }
 
 /// Keeps links of one robot that overlap at the start from touching: they overlap by design.

@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 use rapier3d_urdf::urdf_rs::{self, JointType};
 
 /// The name of a root that is the world itself, by custom.
-const WORLD: &str = "world";
+pub(super) const WORLD: &str = "world";
 
 /// The roots that are left, with the poses at which they begin.
 #[derive(Default)]

@@ -1472,7 +1472,7 @@ typedef struct DcdContact {
     uint32_t kind;
     // DCD_CONTACT_SENSOR bit, or 0.
     uint32_t flags;
-    // Number of the collider of `a`, from 0: bodies of scenes may have several.
+    // Number of the collider of `a`, from 0, in the order of that step (dcd_collider_remove): bodies may have several.
     uint32_t collider_a;
     // Number of the collider of `b`, from 0.
     uint32_t collider_b;

@@ -50,7 +50,7 @@ pub struct DcdContact {
     pub kind: u32,
     /// DCD_CONTACT_SENSOR bit, or 0.
     pub flags: u32,
-    /// Number of the collider of `a`, from 0: bodies of scenes may have several.
+    /// Number of the collider of `a`, from 0, in the order of that step (dcd_collider_remove): bodies may have several.
     pub collider_a: u32,
     /// Number of the collider of `b`, from 0.
     pub collider_b: u32,

@@ -95,7 +95,13 @@ enum Suite {
     Maps(maps::Maps),
 }
 
+/// The stack of each thread of rayon's pool. A thread that waits for parts of a step takes another case up
+/// meanwhile, on the same stack: with the 2 MB of the default, `maps` overflowed it. Memory that is not used
+/// is not taken.
+const STACK_BYTES: usize = 256 << 20;
+
 fn main() -> ExitCode {
+    rayon::ThreadPoolBuilder::new().stack_size(STACK_BYTES).build_global().expect("nobody has begun one yet");
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),

@@ -68,9 +68,14 @@ impl Draft {
     }
 }
 
-/// Returns where a file is or will be: the target of a symbolic link.
+/// Returns where a file is or will be, without links: for a file that is not there yet, its name in the folder
+/// that the path leads to.
 pub(super) fn place_of(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::canonicalize(path).unwrap_or_else(|_| match (fs::canonicalize(folder), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path.to_owned(),
+    })
 }
 
 #[cfg(test)]

@@ -260,6 +260,8 @@ static void shapes(void)
     const uint32_t triangle[3] = { 0, 1, 2 }, beyond[3] = { 0, 1, 4 };
     const uint32_t line[6] = { 0, 1, 1, 0, 1, 2 };
     const float zero[3] = { 1.0f, 0.0f, 1.0f };
+    const float high[4] = { 0.0f, 1e6f, 0.0f, 0.0f };
+    const float steep[3] = { 1.0f, 1e6f, 1.0f };
 
     EXPECT(dcd_shape_box(NO_WORLD, HALF, &shape), DCD_ERR_NULL);
     EXPECT(dcd_shape_box(world, NULL, &shape), DCD_ERR_NULL);
@@ -287,6 +289,7 @@ static void shapes(void)
     EXPECT(dcd_shape_heightfield(world, solid, 1, 4, HALF, &shape), DCD_ERR_ARGUMENT);
     FAILS(dcd_shape_heightfield(world, solid, SIZE_MAX, SIZE_MAX, HALF, &shape), DCD_ERR_ARGUMENT, "cut the terrain");
     EXPECT(dcd_shape_heightfield(world, solid, 2, 2, zero, &shape), DCD_ERR_ARGUMENT);
+    FAILS(dcd_shape_heightfield(world, high, 2, 2, steep, &shape), DCD_ERR_ARGUMENT, "heights times scale[1]");
     EXPECT(dcd_shape_compound(world, parts, frames, 0, &shape), DCD_ERR_ARGUMENT);
     HOLDS(shape.v == 5);
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::snapshot;
+use crate::cli::draft::place_of;
 use crate::cli::failure::Failure;
 
 /// Checks that the files that options name are not one file, nor that of the scene. A snapshot may be replaced
@@ -12,11 +13,11 @@ pub(super) fn check<'a>(
     scene: &str,
     named: impl IntoIterator<Item = (&'static str, Option<&'a Path>)>,
 ) -> Result<(), Failure> {
-    let of_scene = Path::new(scene).is_file().then(|| without_links(Path::new(scene)));
+    let of_scene = Path::new(scene).is_file().then(|| place_of(Path::new(scene)));
     let mut places: Vec<(&str, PathBuf)> = Vec::new();
     for (option, path) in named {
         let Some(path) = path.filter(|path| path.is_file() || !path.exists()) else { continue };
-        let place = without_links(path);
+        let place = place_of(path);
         let goes_on = option == "--save" && snapshot::is_one(scene);
         if of_scene.as_ref() == Some(&place) && !goes_on {
             return Err(Failure::usage(format!(
@@ -33,13 +34,4 @@ pub(super) fn check<'a>(
         places.push((option, place));
     }
     Ok(())
-}
-
-/// Returns a path by which a file is recognised that need not be there yet: without links.
-fn without_links(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    path.canonicalize().unwrap_or_else(|_| match (folder.canonicalize(), path.file_name()) {
-        (Ok(folder), Some(name)) => folder.join(name),
-        _ => path.to_owned(),
-    })
 }

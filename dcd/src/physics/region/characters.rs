@@ -233,9 +233,13 @@ impl Region {
                 (moved.translation - around.carried * dt_s).dot(level_m_s) / dt_s
             };
             if way(&moved) < 0.99 * level_m_s.length_squared() {
-                let again = go(level_m_s);
-                if way(&again.0) > way(&moved) {
-                    (moved, met) = again;
+                let (again, more) = go(level_m_s);
+                if way(&again) > way(&moved) {
+                    moved = again;
+                    // The ground still bears it, even where this way meets nothing.
+                    let known = |hit: &Met| met.iter().any(|met| met.collider == hit.collider);
+                    let new: Vec<_> = more.into_iter().filter(|hit| !known(hit)).collect();
+                    met.extend(new);
                 }
             }
         }

@@ -1,4 +1,5 @@
-//! Visits the neighbours of a body: bodies that it may touch, touches, or is tied to by joints.
+//! Visits the neighbours of a body: bodies that it may touch, touches, or is tied to by joints. Makes Rapier find
+//! contacts anew that it would take over though a user changed what they depend on.
 
 use rapier3d::prelude::*;
 

@@ -156,6 +156,24 @@ pub(super) fn struck(
     pushed(body, Rotation::from_array(copy.pose.rotation), &copy.velocity, &sum)
 }
 
+/// Returns the velocity of a leader's copy after impulses that it did not find, but along the change no faster
+/// than the fastest copy. What lies between a heavy body and the ground, or is caught by several bodies of which
+/// each region sees one, would be flung away otherwise: the impulses of several regions stop it more than once,
+/// and what would answer them is in none of them.
+pub(super) fn bounded<'a>(
+    copy: &Velocity,
+    struck: &Velocity,
+    copies: impl Iterator<Item = &'a Velocity> + Clone,
+) -> Velocity {
+    let bound = |of: fn(&Velocity) -> [f32; 3]| {
+        let (from, to) = (convert::vector(of(copy)), convert::vector(of(struck)));
+        let along = (to - from).normalize_or_zero();
+        let gains = copies.clone().map(|copy| (convert::vector(of(copy)) - from).dot(along));
+        (from + along * gains.fold(0.0, f32::max).min((to - from).length())).to_array()
+    };
+    Velocity { linear: bound(|velocity| velocity.linear), angular: bound(|velocity| velocity.angular) }
+}
+
 /// Returns the velocity of a body after an impulse; `None` if it is not finite.
 fn pushed(body: &RigidBody, rotation: Rotation, velocity: &Velocity, by: &Impulse) -> Option<Velocity> {
     // Only these masses know of locked axes.
@@ -359,5 +377,51 @@ mod tests {
                 assert!(four < one + 1.0, "the {what} body at {spot:?}: {four} m/s, in one region {one}");
             }
         }
+    }
+
+    /// A heavy raft that spans eight regions falls onto 64 light crates.
+    #[test]
+    fn what_lies_under_a_heavy_body_is_not_flung_away_and_does_not_throw_it() {
+        use crate::physics::Measured as _;
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        let gained = |regions| {
+            let partitioning = Partitioning::Regions(regions);
+            let bounds = crate::space::Bounds::new([-4.6, 0.0, -4.6], [4.6, 1.8, 4.6]);
+            let mut world =
+                LocalWorld::new(WorldConfig { partitioning, bounds, ..WorldConfig::default() }).unwrap();
+            let mut insert = |body: RigidBodyBuilder, half: [f32; 3], density: f32| {
+                let [x, y, z] = half;
+                world.insert(body, ColliderBuilder::cuboid(x, y, z).density(density)).unwrap()
+            };
+            insert(RigidBodyBuilder::fixed().translation(Vector::Y * -0.5), [9.0, 0.5, 9.0], 1.0);
+            for i in 0..64 {
+                let (x, z) = ((i / 8) as f32 - 3.5, (i % 8) as f32 - 3.5);
+                let at = Vector::new(1.15 * x, 0.5, 1.15 * z);
+                insert(RigidBodyBuilder::dynamic().translation(at), [0.4, 0.5, 0.4], 1.0);
+            }
+            insert(RigidBodyBuilder::dynamic().translation(Vector::Y * 1.6), [4.6, 0.15, 4.6], 3.0);
+            let (mut before, mut most) = (world.host().energy_j(), 0.0_f64);
+            for _ in 0..60 {
+                world.step().unwrap();
+                let energy = world.host().energy_j();
+                most = most.max(energy - before);
+                before = energy;
+            }
+            most
+        };
+        for regions in [1, 4, 8, 16] {
+            let gained_j = gained(regions);
+            assert!(gained_j < 20.0, "{regions} regions: {gained_j} J in a tick");
+        }
+    }
+
+    #[test]
+    fn a_body_is_no_faster_after_strikes_than_any_region_found_it() {
+        let velocity = |x, y| Velocity { linear: [x, y, 0.0], angular: [0.0, 0.0, x] };
+        let copies = [velocity(0.0, 0.0), velocity(2.0, 5.0), velocity(1.0, -9.0)];
+        let after = |struck: Velocity| bounded(&copies[0], &struck, copies.iter());
+        assert_eq!(after(velocity(1.5, 0.0)), velocity(1.5, 0.0), "less than one region found");
+        assert_eq!(after(velocity(8.0, 0.0)), velocity(2.0, 0.0), "as much as the fastest copy");
+        assert_eq!(after(velocity(-3.0, 0.0)), velocity(0.0, 0.0), "no copy goes that way");
     }
 }

@@ -206,11 +206,9 @@ impl Default for Clock {
 
 impl Coupling {
     /// Marks for announcement the bodies that their user has sped up since the last step and that neighbours
-    /// must hold.
-    pub(super) fn expect(self, side: &mut Side, moment: Moment<'_>) {
-        if self.shares_mass() {
-            launch::expect(side, moment);
-        }
+    /// must hold. Returns whether all regions must meet for their sake.
+    pub(super) fn expect(self, side: &mut Side, moment: Moment<'_>) -> bool {
+        self.shares_mass() && launch::expect(side, moment)
     }
 
     /// Begins a tick, after everything that was to be announced has been.

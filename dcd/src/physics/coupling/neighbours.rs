@@ -30,6 +30,16 @@ pub(in crate::physics) fn meet_in(tick: Tick) -> bool {
     tick.0.is_multiple_of(MEET_EVERY)
 }
 
+/// Returns in how many ticks from this one all regions meet next.
+pub(super) fn ticks_to_meeting(tick: Tick) -> u64 {
+    MEET_EVERY - tick.0 % MEET_EVERY
+}
+
+/// Returns whether two regions exchange messages in every tick.
+pub(super) fn are_beside(partition: &Partition, one: usize, other: usize) -> bool {
+    partition.cell(one).gap_m(partition.cell(other)) <= partition.near_m()
+}
+
 /// The number of ticks that a region must look ahead to ask for a neighbour in time.
 pub(super) const LOOKAHEAD_TICKS: f32 = MEET_EVERY as f32;
 
@@ -64,8 +74,7 @@ impl Neighbours {
     pub(in crate::physics) fn settle(&mut self, region: &Region, partition: &Partition) {
         #[cfg(test)]
         SETTLED.set(SETTLED.get() + 1);
-        let cell = region.cell();
-        let near = |rank: &usize| cell.gap_m(partition.cell(*rank)) <= partition.near_m();
+        let near = |rank: &usize| are_beside(partition, region.rank(), *rank);
         self.beside = (0..partition.len()).filter(near).collect();
     }
 

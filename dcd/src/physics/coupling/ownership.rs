@@ -8,6 +8,7 @@
 //! - It is owned by the region of its centre, or by the region to which its island moves (`island`). A body
 //!   that touches something is first held there for some ticks, so that its contacts and their warm start are
 //!   there (thesis 3.3.3). A free body is transferred at once.
+//! - A body in flight does not go to a region that would not be told in time of what it flies to (`launch`).
 //! - A body that is about to touch something that stays does not go for some ticks. Its next owner does not
 //!   know of that other body yet, and three ticks later the two would be in each other.
 //! - A region that comes to hold an island whole finds its contacts as they were found where the island is
@@ -272,33 +273,35 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     fresh.into_iter().map(|link| link.handle).collect()
 }
 
-/// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next.
+/// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next ones.
 fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
         // Too much of an assembly would be sent at every blow.
         let is_tied = side.region.slot(link.handle).assembly.is_some();
-        if !is_decided && !is_tied && launch::flies_off(&side.region, moment, link, 0.0) {
+        if !is_decided && !is_tied && launch::flies_off(&side.region, moment, link, launch::UNSEEN_TICKS, 0.0)
+        {
             side.region.slot_mut(link.handle).whole = false;
             share(side, moment, link);
         }
     }
 }
 
-/// Sends a body to all regions that it comes near in the next tick.
+/// Sends a body to all regions that it comes near in the next tick, or in the next ticks if it is fast.
 fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
     let Side { region, border, outbox, .. } = side;
     let (own, handle) = (RegionSet::only(region.rank()), link.handle);
     let (whole, partition) = (region.slot(handle).whole, moment.partition);
-    let near = match whole {
-        true => RegionSet::EMPTY,
-        false => launch::on_its_way(region, partition, link, moment.settings.dt_s, partition.halo_m()),
-    };
     let is_fast = |link: &BodyRef| {
         let velocity = region.physics().bodies[link.handle].linvel();
         launch::is_fast(region, link.handle, velocity, moment.settings.dt_s)
     };
     let is_fast = is_fast(&link) || launch::together(region, link).iter().any(is_fast);
+    let ahead_s = if is_fast { launch::UNSEEN_TICKS } else { 1.0 } * moment.settings.dt_s;
+    let near = match whole {
+        true => RegionSet::EMPTY,
+        false => launch::on_its_way(region, partition, link, ahead_s, partition.halo_m()),
+    };
     let reached = border.neighbours.reached(region.rank(), near);
     let holders = reached.union(region.slot(handle).holders).without(own);
     // A region that is behind takes in no body, and does not apply its own decisions.
@@ -371,6 +374,9 @@ fn decide_on(
     let Side { region, border, outbox, .. } = side;
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
+    if desired.owner != own_rank && !desired.pressed && launch::outruns(region, moment, link, desired.owner) {
+        (desired.owner, desired.holders) = (own_rank, desired.reached);
+    }
     let away = note_away(region, link, desired.owner, moment);
     let flies = desired.lively && away >= SETTLE_TICKS;
     let slot = region.slot(link.handle);

@@ -20,7 +20,7 @@ use crate::space::{BodyId, Bounds, RegionSet};
 
 /// The number of ticks for which contacts are predicted ahead. A body that is sent after one tick is compared
 /// in the next and held in the one after.
-const AHEAD_TICKS: f32 = 3.0;
+pub(super) const AHEAD_TICKS: f32 = 3.0;
 /// The speed, m/s, up to which the narrow phase finds the contacts of a body that both regions hold already.
 /// Contacts of faster bodies are predicted.
 const SLOW_M_S: f32 = 0.5;
@@ -287,12 +287,15 @@ impl PredictedContacts {
         partition: &Partition,
     ) -> Vec<(RigidBodyHandle, RegionSet)> {
         let own = RegionSet::only(region.rank());
-        let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
-        let carriers: Vec<_> = self.near.iter().filter(|near| !dynamic(near)).map(Near::nearby).collect();
+        let is_carried = |near: &&Near| {
+            let traits = &region.slot(near.link.handle).traits;
+            traits.kind == BodyKind::Dynamic || traits.character.is_some()
+        };
+        let carriers: Vec<_> = self.near.iter().filter(|near| !is_carried(near)).map(Near::nearby).collect();
         if carriers.is_empty() {
             return Vec::new();
         }
-        let going = self.near.iter().filter(dynamic).filter(|near| near.awake);
+        let going = self.near.iter().filter(is_carried).filter(|near| near.awake);
         let going =
             going.map(|near| NearbyBody { goes: near.goes(region, partition).without(own), ..near.nearby() });
         let going: Vec<_> = going.filter(|near| !near.goes.is_empty()).collect();

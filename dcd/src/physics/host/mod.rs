@@ -546,11 +546,13 @@ impl RegionHost {
     }
 
     /// Marks bodies to be announced that their user sped up since the last step and that fly into other
-    /// regions at once.
+    /// regions at once. All regions meet if one flies far.
     fn expect_launched(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());
-        self.sides.iter_mut().for_each(|side| settings.coupling.expect(side, moment));
+        for side in &mut self.sides {
+            self.meets |= settings.coupling.expect(side, moment);
+        }
     }
 
     /// Ends the tick and counts it.

@@ -229,10 +229,11 @@ impl Region {
         };
         let (mut moved, mut met) = go(level_m_s + up * asked_m_s);
         if stands && met.iter().all(|met| met.normal.dot(up) > LEVEL) {
-            let way = |moved: &EffectiveCharacterMovement| {
-                (moved.translation - around.carried * dt_s).dot(level_m_s) / dt_s
-            };
-            if way(&moved) < 0.99 * level_m_s.length_squared() {
+            // Also where it only rides on what bears it.
+            let goal = around.borne_by(level_m_s * dt_s, dt_s);
+            let goal = goal - up * goal.dot(up);
+            let way = |moved: &EffectiveCharacterMovement| moved.translation.dot(goal);
+            if way(&moved) < 0.99 * goal.length_squared() {
                 let (again, more) = go(level_m_s);
                 if way(&again) > way(&moved) {
                     moved = again;

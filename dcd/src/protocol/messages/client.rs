@@ -435,7 +435,16 @@ pub struct Input {
     pub drive: Option<Drive>,
 }
 
+/// The speed, m/s, from which on a body that is set off is taken for a projectile.
+const SHOT_M_S: f32 = 100.0;
+
 impl Input {
+    /// Returns whether this sets a body off so fast that it may fly over several regions in a few ticks.
+    pub fn is_shot(&self) -> bool {
+        let squared: f32 = self.velocity.linear.iter().map(|v| v * v).sum();
+        self.drive.is_none() && squared >= SHOT_M_S * SHOT_M_S
+    }
+
     /// Returns the slot in which a newer input replaces an older one: how a vehicle is driven is separate
     /// from where and how fast it is put.
     pub fn slot(&self) -> (BodyId, bool) {

@@ -510,9 +510,13 @@ impl WorldOp {
     }
 
     /// Returns whether this may concern regions that are far from each other: bodies are inserted, or one
-    /// jumps to a pose.
+    /// jumps to a pose or flies off as a projectile.
     pub fn concerns_all(&self) -> bool {
-        matches!(self, Self::Insert { .. } | Self::Input(Input { pose: Some(_), .. }))
+        match self {
+            Self::Insert { .. } => true,
+            Self::Input(input) => input.pose.is_some() || input.is_shot(),
+            _ => false,
+        }
     }
 }
 

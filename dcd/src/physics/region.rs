@@ -143,6 +143,8 @@ pub struct Region {
     roused: Vec<RigidBodyHandle>,
     /// Bodies with joints that were put to sleep among bodies that are awake.
     laid: Vec<RigidBodyHandle>,
+    /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
+    born_asleep: Vec<RigidBodyHandle>,
     /// The movable bodies that Rapier does not step, since they are disabled or fixed, by Rapier's body
     /// index.
     #[serde(skip)]
@@ -202,6 +204,7 @@ impl Region {
             touched: Vec::new(),
             roused: Vec::new(),
             laid: Vec::new(),
+            born_asleep: Vec::new(),
             unstepped: BTreeMap::new(),
             revision: 0,
             stepped: 0,

@@ -94,6 +94,38 @@ impl Region {
         self.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
     }
 
+    /// Wakes the bodies that were inserted asleep for as long as Rapier finds their contacts: it puts them to sleep
+    /// again in the same step before it solves, unless what they touch is awake. Returns them, with what
+    /// [`Region::restore_thresholds`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
+    /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew.
+    pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, [f32; 2])> {
+        let newcomers = std::mem::take(&mut self.born_asleep);
+        let mut woken = Vec::with_capacity(newcomers.len());
+        for handle in newcomers {
+            let body = self.world.bodies.get_mut(handle);
+            if let Some(body) = body.filter(|body| body.is_dynamic() && body.is_sleeping()) {
+                // Weakly: it has been still for long enough, and has not moved since, wherever Rapier takes it
+                // to have been.
+                body.wake_up(false);
+                let activation = body.activation_mut();
+                let thresholds =
+                    [&mut activation.normalized_linear_threshold, &mut activation.angular_threshold];
+                woken.push((handle, thresholds.map(|threshold| std::mem::replace(threshold, f32::INFINITY))));
+            }
+        }
+        woken
+    }
+
+    /// Gives bodies back the speeds below which they may sleep.
+    pub(super) fn restore_thresholds(&mut self, woken: Vec<(RigidBodyHandle, [f32; 2])>) {
+        for (handle, [linear, angular]) in woken {
+            if let Some(body) = self.world.bodies.get_mut(handle) {
+                let activation = body.activation_mut();
+                (activation.normalized_linear_threshold, activation.angular_threshold) = (linear, angular);
+            }
+        }
+    }
+
     /// Finds the awake bodies that are not on Rapier's list, after the region was restored from a snapshot.
     pub(in crate::physics) fn find_awake(&mut self) {
         let stepped: BTreeSet<_> =
@@ -247,5 +279,67 @@ mod tests {
         let is_whole = |region: &Region| region.physics().bodies.iter().all(|(_, body)| body.is_enabled());
         assert!(host.regions().all(is_whole), "the other one mends it");
         assert!(host.regions().all(|region| region.unstepped.is_empty()));
+    }
+
+    /// Two boxes on the ground and a box in the air that are inserted asleep, and are woken later.
+    #[test]
+    fn what_is_inserted_asleep_stays_where_it_is_and_has_its_contacts_when_it_wakes() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        for cuts in [vec![], vec![(Axis::X, 0.1)]] {
+            let partitioning = Partitioning::Cuts(cuts);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+            world.insert(ground, ColliderBuilder::cuboid(9.0, 0.5, 9.0)).unwrap();
+            let mut insert = |at: [f32; 3]| {
+                let body = RigidBodyBuilder::dynamic().translation(Vector::from_array(at)).sleeping(true);
+                world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+            };
+            let all =
+                [[0.0, 0.5, 0.0], [0.0, 1.5, 0.0], [3.0, 4.0, 0.0]].map(|at| (insert(at), f64::from(at[1])));
+            let asleep = |world: &LocalWorld, id| {
+                let (region, handle) = world.host().owned(id).unwrap();
+                region.physics().bodies[handle].is_sleeping()
+            };
+            for _ in 0..60 {
+                world.step().unwrap();
+                for (id, height) in all {
+                    assert!(asleep(&world, id));
+                    assert_eq!(world.pose(id).unwrap().translation[1], height);
+                }
+            }
+            for (id, _) in all {
+                world.update(id, |body| body.wake_up(true)).unwrap();
+            }
+            for _ in 0..30 {
+                world.step().unwrap();
+                for (id, height) in &all[..2] {
+                    let sunk_m = height - world.pose(*id).unwrap().translation[1];
+                    assert!(sunk_m.abs() < 2e-3, "{sunk_m} m");
+                }
+            }
+            assert!(world.pose(all[2].0).unwrap().translation[1] < 3.0, "nothing holds it");
+        }
+    }
+
+    /// Boxes that stand apart by less than what counts as near.
+    #[test]
+    fn what_is_near_but_does_not_touch_sleeps_at_a_border() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+        let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+        let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+        world.insert(ground, ColliderBuilder::cuboid(20.0, 0.5, 9.0)).unwrap();
+        for i in 0..12 {
+            let at = Vector::new(1.03 * (i as f32 - 5.5), 0.5, 0.0);
+            let body = RigidBodyBuilder::dynamic().translation(at);
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+        }
+        for tick in 0..240 {
+            world.step().unwrap();
+            let awake: usize = world.host().regions().map(|region| region.own_awake().len()).sum();
+            assert!(tick < 120 || awake == 0, "{awake} in tick {tick}");
+        }
     }
 }

@@ -31,6 +31,7 @@ impl Region {
         self.stirred = false;
         self.hand_awake_over();
         self.choose_joints();
+        let woken = self.wake_newcomers();
         self.moved.take();
         let start = Instant::now();
         match self.hooks.as_deref() {
@@ -40,6 +41,7 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.listener),
         }
+        self.restore_thresholds(woken);
         let (awake, joints) = (self.world.islands.num_active_bodies(), self.world.impulse_joints.len());
         self.profile.note(start.elapsed(), &self.world.physics_pipeline.counters, awake, joints);
         self.note_solved(before.dt);

@@ -406,7 +406,17 @@ fn a_changed_layout_has_a_new_format_number() {
     }
     assert!(world.stats().replicas > 0);
     let written = (FORMAT, saved(&world).len() - header_len());
-    assert_eq!(written, (18, 107_884), "raise FORMAT, then put the new length here");
+    assert_eq!(written, (19, 107_888), "raise FORMAT, then put the new length here");
+}
+
+/// A pipe to which nobody writes would be waited for without end.
+#[cfg(unix)]
+#[test]
+fn what_is_no_regular_file_is_not_read() {
+    for path in ["/dev/null", "/"] {
+        let refused = LocalWorld::open_snapshot(Path::new(path)).map(drop).unwrap_err().to_string();
+        assert!(refused.contains("not a regular file"), "{path}: {refused}");
+    }
 }
 
 fn header_len() -> usize {

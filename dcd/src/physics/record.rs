@@ -321,7 +321,7 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderR
         restitution: collider.restitution(),
         restitution_rule: combine_rule(collider.restitution_combine_rule()),
         sensor: collider.is_sensor(),
-        enabled: collider.is_enabled(),
+        enabled: is_enabled_itself(collider),
         collision_groups: groups(collider.collision_groups()),
         solver_groups: groups(collider.solver_groups()),
         collision_types: collider.active_collision_types().bits(),
@@ -331,6 +331,15 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderR
         contact_skin_m: collider.contact_skin(),
         user_data: collider.user_data,
     }
+}
+
+/// Returns whether a collider is enabled, whether its body is or not.
+fn is_enabled_itself(collider: &Collider) -> bool {
+    // Rapier keeps apart who disabled it, but tells only by what it does: only what its user disabled can be
+    // enabled.
+    let mut probe = collider.clone();
+    probe.set_enabled(true);
+    collider.is_enabled() || !probe.is_enabled()
 }
 
 fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {

@@ -60,6 +60,7 @@ impl Region {
         self.note_laid(handle);
         if self.world.bodies[handle].is_enabled() != before.1 {
             self.tie_anew(handle);
+            self.enable_colliders(handle);
         }
         if (self.world.bodies[handle].is_enabled(), self.world.bodies[handle].body_type()) != (before.1, kind)
         {
@@ -71,6 +72,28 @@ impl Region {
             self.touch_only(handle, found);
         }
         result
+    }
+
+    /// Enables the colliders of a body that has just been enabled, and weighs it. Rapier would do so in the next
+    /// step, and until then the body would have no mass to push.
+    fn enable_colliders(&mut self, handle: RigidBodyHandle) {
+        if !self.world.bodies[handle].is_enabled() {
+            return;
+        }
+        self.change_colliders_whole(handle, |region| {
+            let traits = Arc::clone(&region.slot(handle).traits);
+            let PhysicsWorld { bodies, colliders, .. } = region.world_mut();
+            let body = &mut bodies[handle];
+            for (&collider, record) in body.colliders().iter().zip(&traits.colliders) {
+                if record.enabled && !colliders[collider].is_enabled() {
+                    let own = &mut colliders[collider];
+                    // Rapier does not enable what its body disabled.
+                    own.set_enabled(false);
+                    own.set_enabled(true);
+                }
+            }
+            body.recompute_mass_properties_from_colliders(colliders);
+        });
     }
 
     /// Makes the change itself, on the whole body, without noting for queries that the body may have moved.
@@ -128,7 +151,7 @@ impl Region {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             region.stirred = true;
             let PhysicsWorld { bodies, colliders, .. } = &mut *region.world;
-            let (body, own) = (&mut bodies[handle], &mut colliders[collider]);
+            let own = &mut colliders[collider];
             let old = &slot.traits.colliders[index];
             // Change a copy: a change that is refused must leave no trace.
             let mut changed = own.clone();
@@ -141,10 +164,6 @@ impl Region {
             let place = own.position_wrt_parent();
             if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
-            }
-            // While its body is disabled, Rapier's collider does not tell whether its user enabled it.
-            if !body.is_enabled() && changed.is_enabled() == own.is_enabled() {
-                new.enabled = old.enabled;
             }
             if new != *old {
                 let traits = Arc::make_mut(&mut slot.traits);
@@ -162,7 +181,14 @@ impl Region {
             if felt(own) != felt(&changed) {
                 renew_contacts(&mut changed);
             }
+            let comes = changed.is_enabled() && !own.is_enabled();
             *own = changed;
+            if comes && !bodies[handle].is_enabled() {
+                // Has Rapier disable it for its body's sake.
+                bodies[handle].set_enabled(true);
+                bodies[handle].set_enabled(false);
+            }
+            let own = &mut colliders[collider];
             let of = (slot.id, index as u16);
             region.listener.name(own, collider, of, &slot.traits.colliders[index]);
             if is_muted {

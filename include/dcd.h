@@ -72,7 +72,7 @@
 // In DcdBodyDef.flags: the body is a sensor, which detects and does not push.
 #define DCD_BODY_SENSOR 2
 
-// In DcdBodyDef.flags: the body does not fall asleep by itself.
+// In DcdBodyDef.flags: the body does not fall asleep by itself. Its thresholds of sleep are kept for when the flag is taken away.
 #define DCD_BODY_NO_SLEEP 4
 
 // In DcdBodyDef.flags: the body sleeps at first, until something wakes it.
@@ -2737,7 +2737,8 @@ DCD_API DcdStatus dcd_shape_cylinder(DcdWorld world, float half_height, float ra
 DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius, DcdShapeId *out);
 
 // Makes the convex hull of `count` points. `xyz` holds 3 × count floats (x, y, z, x, y, z …), metres. There must be at least 4
-// points, not all in a plane, that reach over DCD_MIN_SIZE along each axis.
+// points, not all in a plane, that reach over DCD_MIN_SIZE along each axis. Points that hardly stand out may be left out: the hull
+// has at least 99 % of the volume of all.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (points out of range or that span no volume).
 DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
@@ -3250,7 +3251,8 @@ DCD_API DcdStatus dcd_body_extent(DcdWorld world, DcdBodyId body, DcdBodyExtent 
 // says where it sits on the body.
 //
 // Equal shapes have one handle, so a renderer can keep what it makes of a shape by its handle. The handle from the shape function
-// that made the shape is another one. The handle need not be destroyed. Once it is, the call gives a new one.
+// that made the shape is another one. The handle need not be destroyed, and does not keep the shape: some time after no body and
+// no compound has the shape any more, the handle is stale. Once it is stale or destroyed, the call gives a new one.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a collider that is not there), DCD_ERR_UNSUPPORTED (a node).
 DCD_API DcdStatus dcd_collider_shape(DcdWorld world, DcdBodyId body, uint32_t collider, DcdShapeId *out);
 

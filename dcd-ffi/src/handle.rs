@@ -72,6 +72,8 @@ pub(crate) struct LookedUp {
     slots: BTreeMap<ShapeHash, u64>,
     /// The shape that each handle is of.
     shapes: BTreeMap<u64, ShapeHash>,
+    /// How many there were when unused ones were last forgotten.
+    kept: usize,
 }
 
 impl LookedUp {
@@ -82,6 +84,22 @@ impl LookedUp {
     pub(crate) fn remember(&mut self, shape: ShapeHash, slot: u64) {
         self.slots.insert(shape, slot);
         self.shapes.insert(slot, shape);
+    }
+
+    /// Returns whether there are so many more handles than were kept last that it is worth looking which are used.
+    pub(crate) fn has_grown(&self) -> bool {
+        /// Number of unused handles that may always be there.
+        const UNUSED: usize = 8;
+        self.slots.len() > 2 * self.kept + UNUSED
+    }
+
+    /// Forgets the handles that are not used, and returns them.
+    pub(crate) fn take_unused(&mut self, is_used: impl Fn(ShapeHash, u64) -> bool) -> Vec<u64> {
+        let unused = self.shapes.iter().filter(|&(&slot, &shape)| !is_used(shape, slot));
+        let unused: Vec<_> = unused.map(|(&slot, _)| slot).collect();
+        unused.iter().for_each(|&slot| self.forget(slot));
+        self.kept = self.slots.len();
+        unused
     }
 
     /// Forgets a handle that is about to go stale.
@@ -209,6 +227,27 @@ mod tests {
         known.forget(5);
         assert_eq!((known.slot(one), known.slot(other)), (None, Some(6)));
         assert_eq!((known.slots.len(), known.shapes.len()), (1, 1), "both ways");
+    }
+
+    #[test]
+    fn shapes_that_were_looked_up_and_are_not_used_any_more_are_forgotten_now_and_then() {
+        let (mut known, mut most, mut looks) = (LookedUp::default(), 0, 0);
+        for slot in 0..1000_u64 {
+            if known.has_grown() {
+                looks += 1;
+                let unused = known.take_unused(|shape, other| {
+                    assert_eq!(u64::from(shape.0[0]), other % 256);
+                    other + 10 > slot
+                });
+                assert!(unused.iter().all(|other| !known.shapes.contains_key(other)));
+            }
+            let mut name = [0; 16];
+            name[..8].copy_from_slice(&slot.to_le_bytes());
+            known.remember(ShapeHash(name), slot);
+            most = most.max(known.slots.len());
+        }
+        assert_eq!(known.slots.len(), known.shapes.len());
+        assert!(most < 40 && looks < 100, "{most} kept, looked {looks} times");
     }
 
     #[test]

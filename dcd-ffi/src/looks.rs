@@ -1,5 +1,7 @@
 //! Lists all bodies of a world, finds their shapes, and reads how large and heavy they are.
 
+use std::sync::Arc;
+
 use dcd::query::ShapeHash;
 use rapier3d::prelude::SharedShape;
 
@@ -96,7 +98,8 @@ pub unsafe extern "C" fn dcd_body_extent(
 /// says where it sits on the body.
 ///
 /// Equal shapes have one handle, so a renderer can keep what it makes of a shape by its handle. The handle from the shape function
-/// that made the shape is another one. The handle need not be destroyed. Once it is, the call gives a new one.
+/// that made the shape is another one. The handle need not be destroyed, and does not keep the shape: some time after no body and
+/// no compound has the shape any more, the handle is stale. Once it is stale or destroyed, the call gives a new one.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a collider that is not there), DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_shape(
@@ -160,10 +163,24 @@ fn named(
         Some(slot) => slot,
         None => {
             let shape = shape(world)?;
+            let_go(world);
             let slot = world.shapes.insert(shape);
             world.looked_up.remember(hash, slot);
             slot
         }
     };
     Ok(world.mark.shape(slot))
+}
+
+/// Lets go, now and then, of the shapes that were looked up and that no body and no other handle has any more.
+fn let_go(world: &mut World) {
+    if !world.looked_up.has_grown() {
+        return;
+    }
+    let World { dcd, shapes, looked_up, .. } = world;
+    let is_shared = |slot| shapes.get(slot).is_some_and(|shape| Arc::strong_count(&shape.0) > 1);
+    let unused = looked_up.take_unused(|hash, slot| is_shared(slot) || dcd.knows_shape(hash));
+    for slot in unused {
+        drop(shapes.remove(slot));
+    }
 }

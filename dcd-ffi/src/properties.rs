@@ -83,8 +83,7 @@ impl DcdBodyProperties {
                 (inverse(record.inv_mass), record.local_com, inertia)
             }
         };
-        // Thresholds that a body which never sleeps would have if it did.
-        let threshold = |known: f32, usual: f32| if can_sleep { known } else { usual };
+        let [sleep_linear, sleep_angular] = thresholds_of(traits);
         Self {
             struct_size: size_of::<Self>() as u32,
             body_type: type_of(traits.kind),
@@ -99,14 +98,8 @@ impl DcdBodyProperties {
             angular_damping: traits.angular_damping,
             gravity_scale: traits.gravity_scale,
             soft_ccd: traits.soft_ccd_m,
-            sleep_linear: threshold(
-                traits.sleep_linear_threshold,
-                RigidBodyActivation::default_normalized_linear_threshold(),
-            ),
-            sleep_angular: threshold(
-                traits.sleep_angular_threshold,
-                RigidBodyActivation::default_angular_threshold(),
-            ),
+            sleep_linear,
+            sleep_angular,
             sleep_after: traits.sleep_after_s,
             extra_mass: mass,
             extra_centre: centre,
@@ -188,7 +181,7 @@ impl DcdBodyProperties {
     /// Returns what is recorded of a body with these properties, of this kind and with these colliders; its user data is apart. It
     /// is the same as what is recorded of what [`DcdBodyProperties::builder`] builds.
     pub(crate) fn traits(&self, kind: BodyKind, colliders: Vec<ColliderRecord>) -> BodyTraits {
-        let never = self.has(DCD_BODY_NO_SLEEP);
+        let [sleep_linear_threshold, sleep_angular_threshold] = self.thresholds();
         BodyTraits {
             kind,
             enabled: !self.has(DCD_BODY_DISABLED),
@@ -203,8 +196,8 @@ impl DcdBodyProperties {
             gyroscopic: !self.has(DCD_BODY_NO_GYRO),
             extra_solver_iterations: self.extra_solver_iterations,
             extra_pgs_iterations: self.extra_pgs_iterations,
-            sleep_linear_threshold: if never { -1.0 } else { self.sleep_linear },
-            sleep_angular_threshold: if never { -1.0 } else { self.sleep_angular },
+            sleep_linear_threshold,
+            sleep_angular_threshold,
             sleep_after_s: self.sleep_after,
             extra_mass: match self.extra_properties(Rotation::IDENTITY) {
                 Some(properties) => Some(ExtraMass::Properties(MassRecord {
@@ -279,11 +272,23 @@ impl DcdBodyProperties {
     }
 
     pub(crate) fn set_thresholds(&self, body: &mut RigidBody) {
-        let never = self.has(DCD_BODY_NO_SLEEP);
         let activation = body.activation_mut();
-        activation.normalized_linear_threshold = if never { -1.0 } else { self.sleep_linear };
-        activation.angular_threshold = if never { -1.0 } else { self.sleep_angular };
+        [activation.normalized_linear_threshold, activation.angular_threshold] = self.thresholds();
         activation.time_until_sleep = self.sleep_after;
+    }
+
+    /// Returns the thresholds of speed and spin as Rapier has them. A body does not sleep if that of speed is negative. Both are -1,
+    /// as Rapier's builder makes them, unless the program has thresholds of its own: then that of speed is turned about.
+    fn thresholds(&self) -> [f32; 2] {
+        let own = [self.sleep_linear, self.sleep_angular];
+        if !self.has(DCD_BODY_NO_SLEEP) {
+            own
+        } else if own == usual_thresholds() {
+            [-1.0; 2]
+        } else {
+            // Zero turned about would still be zero.
+            [-own[0].max(f32::MIN_POSITIVE), own[1]]
+        }
     }
 
     fn has(&self, bit: u32) -> bool {
@@ -314,6 +319,25 @@ impl DcdBodyProperties {
         }
         Ok(())
     }
+}
+
+/// Returns the thresholds of speed and spin that a body has, or would have if it did sleep.
+fn thresholds_of(traits: &BodyTraits) -> [f32; 2] {
+    let (linear, angular) = (traits.sleep_linear_threshold, traits.sleep_angular_threshold);
+    match (linear < 0.0, angular < 0.0) {
+        (true, true) => usual_thresholds(),
+        (true, false) if linear == -f32::MIN_POSITIVE => [0.0, angular],
+        (true, false) => [-linear, angular],
+        (false, true) => [linear, RigidBodyActivation::default_angular_threshold()],
+        (false, false) => [linear, angular],
+    }
+}
+
+fn usual_thresholds() -> [f32; 2] {
+    [
+        RigidBodyActivation::default_normalized_linear_threshold(),
+        RigidBodyActivation::default_angular_threshold(),
+    ]
 }
 
 /// Returns the rotation from a body's axes to those of the inertia of its extra mass: the parts of a model have axes other than the

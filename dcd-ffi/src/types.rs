@@ -93,7 +93,7 @@ pub const DCD_KINEMATIC_POSE: DcdBodyType = 3;
 pub const DCD_BODY_CCD: u32 = 1;
 /// In DcdBodyDef.flags: the body is a sensor, which detects and does not push.
 pub const DCD_BODY_SENSOR: u32 = 2;
-/// In DcdBodyDef.flags: the body does not fall asleep by itself.
+/// In DcdBodyDef.flags: the body does not fall asleep by itself. Its thresholds of sleep are kept for when the flag is taken away.
 pub const DCD_BODY_NO_SLEEP: u32 = 4;
 /// In DcdBodyDef.flags: the body sleeps at first, until something wakes it.
 pub const DCD_BODY_ASLEEP: u32 = 8;

@@ -59,6 +59,6 @@ pub(crate) use record::hangs;
 pub use region::{Ownership, Profile, Region};
 pub use settings::{Coupling, Preset, StepSettings};
 pub(crate) use shapes::can_build;
-pub use shapes::{ShapeError, ShapeLibrary};
+pub use shapes::{ShapeError, ShapeLibrary, convex_hull};
 #[cfg(feature = "net")]
 pub(crate) use trial::{try_on_body, try_on_collider, try_on_joint};

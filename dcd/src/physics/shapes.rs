@@ -1,7 +1,10 @@
 //! Stores shapes by content hash: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
 
+mod hulls;
 #[cfg(test)]
 mod tests;
+
+pub use hulls::convex_hull;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -45,6 +48,11 @@ pub enum ShapeError {
     /// The shape is a mesh of triangles without area, or a hull in a plane: it has no normal, or no mass.
     #[error("a {0} is flat: a triangle needs an area, of those of a mesh one at least, and a hull a volume")]
     Flat(&'static str),
+    /// No hull of the points can be computed.
+    #[error(
+        "no hull can be computed around these points in single precision; leave out points that are nearer to one another than a thousandth of the whole, or take a box or a compound"
+    )]
+    Points,
     /// A dynamic body has no mass, so that nothing would move it.
     #[error(
         "a dynamic body has no mass: a mesh that is not closed, terrain and the like have none by density; give it a mass, or make it fixed or kinematic"
@@ -242,10 +250,7 @@ impl ShapeLibrary {
                 ShapeRecord::Triangle([s.a.to_array(), s.b.to_array(), s.c.to_array()])
             }
             TypedShape::HalfSpace(s) => ShapeRecord::HalfSpace(s.normal.to_array()),
-            TypedShape::ConvexPolyhedron(s) => {
-                let (vertices, triangles) = s.to_trimesh();
-                ShapeRecord::ConvexPolyhedron(points(&vertices), triangles)
-            }
+            TypedShape::ConvexPolyhedron(s) => self.hull_record(s, ShapeRecord::ConvexPolyhedron)?,
             TypedShape::TriMesh(s) => {
                 let vertices = points(s.vertices());
                 // Triangles without area carry nothing, and Parry stops at them in a step.
@@ -291,10 +296,10 @@ impl ShapeLibrary {
                 let Triangle { a, b, c } = s.inner_shape;
                 ShapeRecord::RoundTriangle([a, b, c].map(|corner| corner.to_array()), s.border_radius)
             }
-            TypedShape::RoundConvexPolyhedron(s) => {
-                let (vertices, triangles) = s.inner_shape.to_trimesh();
-                ShapeRecord::RoundConvexPolyhedron(points(&vertices), triangles, s.border_radius)
-            }
+            TypedShape::RoundConvexPolyhedron(s) => self
+                .hull_record(&s.inner_shape, |points, triangles| {
+                    ShapeRecord::RoundConvexPolyhedron(points, triangles, s.border_radius)
+                })?,
             TypedShape::Voxels(s) => {
                 let filled = s.voxels().filter(|voxel| !voxel.state.is_empty());
                 let mut voxels: Vec<_> = filled.map(|voxel| voxel.grid_coords.to_array()).collect();
@@ -311,6 +316,26 @@ impl ShapeLibrary {
         })
     }
 
+    /// Returns the record of a hull, by its points and triangles. It is as Parry has it, unless Parry would then
+    /// build another one.
+    fn hull_record(
+        &self,
+        hull: &ConvexPolyhedron,
+        record: impl Fn(Vec<[f32; 3]>, Vec<[u32; 3]>) -> ShapeRecord,
+    ) -> Result<ShapeRecord, ShapeError> {
+        let plain = |points: &[Vector]| points.iter().map(|point| point.to_array()).collect::<Vec<_>>();
+        let (points, triangles) = hull.to_trimesh();
+        let points = plain(&points);
+        let is_thin = extents(&points).into_iter().any(|extent| extent < SHAPE_LEAST_M);
+        let as_it_is = record(points, triangles);
+        // What is thin is refused for that when it is built.
+        if is_thin || self.shapes.contains_key(&as_it_is.hash()) {
+            return Ok(as_it_is);
+        }
+        let (points, triangles) = hulls::lasting(hull)?;
+        Ok(record(plain(&points), triangles))
+    }
+
     fn build(&self, record: &ShapeRecord) -> Result<SharedShape, ShapeError> {
         let v = convert::vector;
         let vectors = |points: &[[f32; 3]]| points.iter().map(|&p| v(p)).collect::<Vec<_>>();
@@ -325,10 +350,10 @@ impl ShapeLibrary {
             ShapeRecord::Triangle([a, b, c]) => SharedShape::triangle(v(*a), v(*b), v(*c)),
             ShapeRecord::HalfSpace(normal) => SharedShape::halfspace(v(*normal)),
             ShapeRecord::ConvexPolyhedron(vertices, triangles) => {
-                SharedShape::new(hull(vectors(vertices), triangles)?)
+                SharedShape::new(hull(&vectors(vertices), triangles)?)
             }
             ShapeRecord::RoundConvexPolyhedron(vertices, triangles, border) => {
-                let inner_shape = hull(vectors(vertices), triangles)?;
+                let inner_shape = hull(&vectors(vertices), triangles)?;
                 SharedShape::new(RoundShape { inner_shape, border_radius: *border })
             }
             ShapeRecord::RoundTriangle([a, b, c], border) => {
@@ -432,7 +457,7 @@ impl<'de> Deserialize<'de> for ShapeLibrary {
     }
 }
 
-fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedron, ShapeError> {
+fn hull(vertices: &[Vector], triangles: &[[u32; 3]]) -> Result<ConvexPolyhedron, ShapeError> {
     let open = || {
         let cause =
             "its triangles do not close a convex surface, seen from outside all in the same sense".into();
@@ -441,7 +466,7 @@ fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedro
     if !is_closed(triangles) {
         return Err(open());
     }
-    let hull = ConvexPolyhedron::from_convex_mesh(vertices, triangles).ok_or_else(open)?;
+    let hull = hulls::exact(vertices, triangles).ok_or_else(open)?;
     if has_volume(&hull) { Ok(hull) } else { Err(ShapeError::Flat("convex polyhedron")) }
 }
 

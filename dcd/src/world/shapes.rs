@@ -66,6 +66,16 @@ impl World {
         }
     }
 
+    /// Returns whether this process knows the shape: a body has it, or had it a while ago.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn knows_shape(&self, shape: ShapeHash) -> bool {
+        match &self.inner {
+            Inner::Local(world) => world.host().shapes().record_of(shape).is_some(),
+            Inner::Remote(world) => world.shape(shape).is_some(),
+        }
+    }
+
     /// Returns the box, mass, centre of mass and inertia of a body; `None` if this process does not know the
     /// body. They follow from the body's shapes and record, so that a client has them too.
     #[must_use]

@@ -440,6 +440,23 @@ static void every_member_of_a_body_is_read_back(void)
     HOLDS(collider.events == DCD_EVENT_CONTACT && collider.force_threshold == 3.0f && collider.pairs == def.pairs);
     HOLDS(collider.groups == 5 && collider.mask == 6 && collider.solver_groups == 9 && collider.solver_mask == 10);
 
+    /* A body that does not sleep keeps its thresholds, also those of 0. */
+    const float thresholds[4][2] = { { 0.3f, 0.4f }, { 0.0f, 0.0f }, { 1.0f, 1.0f }, { 0.05f, 0.5f } };
+    for (int i = 0; i < 8; i++) {
+        DcdBodyProperties sleeps = as, seen;
+        sleeps.flags ^= i % 2 == 0 ? DCD_BODY_NO_SLEEP : 0;
+        sleeps.sleep_linear = thresholds[i / 2][0];
+        sleeps.sleep_angular = thresholds[i / 2][1];
+        OK(dcd_body_set_properties(world, body, &sleeps));
+        seen = properties_of(world, body);
+        HOLDS(memcmp(&seen, &sleeps, sizeof seen) == 0);
+    }
+    OK(dcd_body_set_properties(world, body, &as));
+    DcdBodyDef awake = peculiar(world);
+    awake.flags |= DCD_BODY_NO_SLEEP;
+    DcdBodyProperties made = properties_of(world, add(world, awake));
+    HOLDS((made.flags & DCD_BODY_NO_SLEEP) != 0 && made.sleep_linear == 0.5f && made.sleep_angular == 0.25f);
+
     /* Given to another body, these properties make it the same. */
     DcdBodyId other = add(world, crate(world, -20.0, 50.0));
     DcdBodyProperties usual = properties_of(world, other), again;

@@ -222,6 +222,27 @@ static void bodies(DcdWorld world)
     FAILS(dcd_body_extent(world, third, &extent), DCD_ERR_STALE_ID, "body");
     FAILS(dcd_bodies(world, all, 4, NULL), DCD_ERR_NULL, "count");
     FAILS(dcd_bodies((DcdWorld){ 0 }, all, 4, &count), DCD_ERR_NULL, "world");
+
+    /* Handles that were looked up do not keep the shapes of bodies that are gone. The others stay. */
+    DcdShapeId first = { 0 }, kept;
+    DcdShapeInfo gone = DCD_SHAPE_INFO_INIT;
+    OK(dcd_collider_shape(world, box, 0, &kept));
+    def.pose.p[0] = 12.0;
+    for (int i = 0; i < 200; i++) {
+        const float size[3] = { 0.2f + 0.01f * (float)i, 0.3f, 0.3f };
+        OK(dcd_shape_box(world, size, &def.shape));
+        OK(dcd_body_create(world, &def, &third));
+        OK(dcd_collider_shape(world, third, 0, &again));
+        HOLDS(info_of(world, again).size[0] == size[0]);
+        if (i == 0)
+            first = again;
+        OK(dcd_shape_destroy(world, def.shape));
+        OK(dcd_body_destroy(world, third));
+    }
+    FAILS(dcd_shape_info(world, first, &gone), DCD_ERR_STALE_ID, "shape");
+    HOLDS(info_of(world, kept).size[2] == 1.5f);
+    OK(dcd_collider_shape(world, box, 0, &again));
+    HOLDS(again.v == kept.v);
 }
 
 /* A half-space bears bodies in both regions; a round box stands on its border; a wire is met by a query. */

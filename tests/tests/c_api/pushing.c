@@ -149,6 +149,20 @@ static void triggers(DcdWorld world)
     OK(dcd_body_destroy(world, right));
     OK(dcd_sensor_bodies(world, zone, 0, inside, 4, &count));
     HOLDS(count == 1 && inside[0].v == left.v);
+    /* A sensor that is disabled or enabled is so at once. */
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(world, zone, &as));
+    for (size_t i = 0; i < 4; i++) {
+        as.flags ^= DCD_BODY_DISABLED;
+        OK(dcd_body_set_properties(world, zone, &as));
+        for (int step = 0; step < 2; step++) {
+            OK(dcd_sensor_bodies(world, zone, 0, NULL, 0, &count));
+            HOLDS(count == i % 2);
+            if (i < 2)
+                OK(dcd_step(world));
+        }
+    }
+    OK(dcd_sensor_bodies(world, zone, 0, inside, 4, &count));
     FAILS(dcd_sensor_bodies(world, zone, 1, inside, 4, &count), DCD_ERR_ARGUMENT, "sensor");
     FAILS(dcd_sensor_bodies(world, far, 0, inside, 4, &count), DCD_ERR_ARGUMENT, "sensor");
     FAILS(dcd_sensor_bodies(world, right, 0, inside, 4, &count), DCD_ERR_STALE_ID, "body");

@@ -18,7 +18,10 @@ impl Queries<'_> {
         let body = &world.bodies[handle];
         let collider = body.colliders().get(sensor.index).map(|&collider| &world.colliders[collider]);
         let Some(collider) = collider.filter(|collider| collider.is_sensor()) else { return Ok(None) };
-        if !collider.is_enabled() {
+        // Rapier's collider hears only in the next step that its body was disabled or enabled.
+        let is_enabled =
+            region.slot(handle).traits.colliders.get(sensor.index).is_some_and(|own| own.enabled);
+        if !(body.is_enabled() && is_enabled) {
             return Ok(Some(Vec::new()));
         }
         // The collider's own pose is that of the last step.

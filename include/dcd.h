@@ -3269,16 +3269,19 @@ DcdStatus dcd_shape_part(DcdWorld world,
 
 // Creates a joint between two bodies and wakes both. The joint is gone when either body is destroyed.
 //
-// In a local world the two may be any bodies. A server, or a builder, ties bodies of its own: those that it made since its last
-// dcd_step, or one of them and a fixed one. Servers and builders may drive and destroy any joint. Clients that may not build, and
-// nodes, have no joints (DCD_ERR_UNSUPPORTED).
+// In a local world the two may be any bodies of which one is not fixed. A joint whose bodies are both made fixed later
+// (dcd_body_set_properties) is gone; make one of them kinematic where it must last.
+//
+// A server, or a builder, ties bodies of its own: those that it made since its last dcd_step, or one of them and a fixed one. Servers
+// and builders may drive and destroy any joint. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED).
 //
 // One region owns what joints tie together, and it moves whole, so keep it small against a region.
 //
 // `def` is read during the call.
 // Errors:
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT.
-// - DCD_ERR_ARGUMENT: a member out of range, a limit or motor of a joint without an axis of its own, or twice the same body.
+// - DCD_ERR_ARGUMENT: a member out of range, a limit or motor of a joint without an axis of its own, twice the same body, or two
+//   fixed bodies.
 DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
 
 // Destroys a joint and wakes its bodies.

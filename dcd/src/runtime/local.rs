@@ -277,6 +277,13 @@ impl LocalWorld {
                 return Err(WorldError::NoBody(body));
             }
         }
+        if [a, b].iter().all(|&body| self.host.immovable(body).is_some()) {
+            return Err(WorldError::Setting {
+                what: "a joint",
+                value: "between two fixed bodies".into(),
+                range: "it moves neither, and no region would keep it; make one of them kinematic, and it stays where it is all the same",
+            });
+        }
         let id = JointId(self.next_joint);
         let link = link.map(|settings| settings.record());
         let record = JointRecord { link, ..joint_record(id, a, b, joint) };

@@ -675,6 +675,10 @@ static void joints(void)
     def.coupled = DCD_LOCK_X | DCD_LOCK_Y;
     EXPECT(dcd_joint_create(world, &def, &joint), DCD_ERR_ARGUMENT);
     HOLDS(joint.v == 5);
+    /* Of a joint between two fixed bodies nobody would hear again. */
+    def = good;
+    def.b = make_body(world, box, DCD_FIXED, 9.0);
+    FAILS(dcd_joint_create(world, &def, &joint), DCD_ERR_ARGUMENT, "make one of them kinematic");
 
     /* x and y are locked; the turns about x and y are coupled. */
     DcdJointMotor motor = DCD_JOINT_MOTOR_INIT;

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::requests::{Verb, ask_about_file};
-use super::values::is_used;
-use crate::runtime::{ProcessError, is_served};
+use super::values::{is_used, of_folder};
+use crate::runtime::is_served;
 
 /// Copies the data folder of a running server: world, keys and joins
 ///
@@ -32,7 +32,7 @@ pub(super) struct Backup {
 
 impl Backup {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        if is_used(&self.data)? && !is_served(&self.data).map_err(ProcessError::from)? {
+        if is_used(&self.data)? && !is_served(&self.data).map_err(|error| of_folder(&error))? {
             return Err(Failure::usage(format!(
                 "no server serves the world of {}: copy the folder as it is (cp -a), or ask beside the server that has the world in etcd",
                 self.data.display()

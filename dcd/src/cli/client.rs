@@ -259,16 +259,17 @@ impl Client {
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
-            ..joining(&self.server, self.token.read(true)?)
+            ..joining(&self.server, interrupt.at_once(|| self.token.read(true))?)
         };
         let truth = self
             .truth
             .map(|token| JoinConfig { give_up: Some(self.give_up), ..joining(&self.server, token) });
         // Everything that may fail here comes before the token is used up.
         let name = format!("a client of {}", self.server[0]);
-        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
+        let viewer = self.view.map(|at| view::open(at, &name, common)).transpose()?;
         let camera = self.film.open()?;
-        let mut world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
+        let enter = if compute { ClientWorld::participate } else { ClientWorld::connect };
+        let mut world = interrupt.at_once(|| enter(&join))?;
         world.set_prediction(!self.no_prediction);
         print(&format!("joined as {}", world.id()))?;
         if let Some(address) = world.address() {

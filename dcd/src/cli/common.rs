@@ -79,8 +79,14 @@ impl Common {
     /// Prints a message for people on standard error, unless `--quiet` is given. With `--log-format json` it
     /// is an object of the log. A terminal that is gone is no error.
     pub(super) fn say(&self, text: &str) {
+        if !self.quiet {
+            self.tell(text);
+        }
+    }
+
+    /// Does the same even with `--quiet`.
+    pub(super) fn tell(&self, text: &str) {
         match self.log_format {
-            _ if self.quiet => {}
             LogFormat::Text => drop(writeln!(std::io::stderr(), "{text}")),
             LogFormat::Json => tracing::info!(target: SAID, "{text}"),
         }

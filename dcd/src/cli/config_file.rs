@@ -67,7 +67,9 @@ struct File<'a> {
 
 impl File<'_> {
     fn arguments(&self) -> Result<Added, Failure> {
-        let text = std::fs::read_to_string(self.path).map_err(|error| self.wrong(&error.to_string()))?;
+        let text = std::fs::read_to_string(self.path).map_err(|error| {
+            self.wrong(&format!("{error}; give --config a file of options that this user may read"))
+        })?;
         let table: toml::Table = text.parse().map_err(|error| self.unreadable(&text, &error))?;
         let mut added = Added::default();
         for (key, value) in &table {

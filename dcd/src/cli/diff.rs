@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::replay::{open, ticks};
-use crate::recording::{Difference, Who, difference};
+use super::replay::{check_bodies, open, ticks};
+use crate::recording::{Difference, difference};
 use crate::space::Tick;
 
 /// Finds where two recordings differ first: at which tick, in which body and field
@@ -49,13 +49,7 @@ impl Diff {
         let open = |path| open(from_ref(path), self.threads, None, common);
         let [mut a, mut b] = [open(&self.a)?, open(&self.b)?];
         for (replay, path) in [(&a, &self.a), (&b, &self.b)] {
-            if replay.members().all(|member| member.who() == Who::Server) {
-                let path = path.display();
-                return Err(Failure::run(format!(
-                    "{path} is the recording of a server, which has no bodies to compare: give the folder that has those of its nodes too; \
-                     dcd replay --check checks what the server sent and stored"
-                )));
-            }
+            check_bodies(replay, path, "compare")?;
         }
         let bar = ticks(common, self.json);
         let until = Tick(self.until.unwrap_or(u64::MAX));

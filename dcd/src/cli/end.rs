@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::values::of_folder;
+use crate::cluster::directory::DirectoryError;
 use crate::runtime::{ProcessError, WorldEnd, end_world};
 
 /// The most time for a server to end its world: it asks all nodes what they own, and waits for those that
@@ -31,7 +33,11 @@ pub(super) struct End {
 impl End {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         let data = self.data.display();
-        match end_world(&self.data, WAIT).map_err(ProcessError::from)? {
+        let failed = |error| match error {
+            DirectoryError::Unreadable { .. } => of_folder(&error),
+            error => ProcessError::from(error).into(),
+        };
+        match end_world(&self.data, WAIT).map_err(failed)? {
             WorldEnd::ByServer => print("the world has ended, and its server has stopped")?,
             WorldEnd::Removed => {
                 print("the world has ended: no server ran, and the folder keeps it no longer")?

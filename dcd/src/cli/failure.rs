@@ -80,7 +80,8 @@ impl From<ProcessError> for Failure {
                 DirectoryError::Damaged { .. }
                 | DirectoryError::Foreign { .. }
                 | DirectoryError::Format { .. }
-                | DirectoryError::Unreadable { .. },
+                | DirectoryError::Unreadable { .. }
+                | DirectoryError::Unreachable { .. },
             )
             | ProcessError::Record { .. }
             | ProcessError::Metrics { .. }

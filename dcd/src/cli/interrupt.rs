@@ -87,6 +87,18 @@ impl Interrupt {
         PRESSES.load(Ordering::SeqCst) > 1
     }
 
+    /// Does what may wait long and leaves nothing to be ended in order, as dialling a server. A signal ends the
+    /// process meanwhile, also one that was heard before.
+    pub(super) fn at_once<T>(self, work: impl FnOnce() -> T) -> T {
+        let expected = EXPECTED.swap(0, Ordering::SeqCst);
+        if self.signalled() {
+            std::process::exit(EXIT.into());
+        }
+        let done = work();
+        EXPECTED.store(expected, Ordering::SeqCst);
+        done
+    }
+
     /// Returns whether the user pressed Ctrl-C.
     pub(super) fn pressed(self) -> bool {
         PRESSES.load(Ordering::SeqCst) > 0
@@ -112,7 +124,7 @@ fn hear(heard: Heard) {
     let former = SIGNALS.load(Ordering::SeqCst);
     // Shells and systems send SIGHUP several times; once an end was asked for, more of them ask for nothing
     // new.
-    if heard == Heard::HangUp && former >= EXPECTED.load(Ordering::SeqCst) {
+    if heard == Heard::HangUp && former > 0 && former >= EXPECTED.load(Ordering::SeqCst) {
         return;
     }
     if heard == Heard::Press {

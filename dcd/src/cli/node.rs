@@ -94,12 +94,13 @@ impl Node {
             record,
             listen: self.listen,
             metrics: self.metrics,
-            ..joining(&self.server, self.token.read(is_token_needed)?)
+            ..joining(&self.server, interrupt.at_once(|| self.token.read(is_token_needed))?)
         };
         // Everything that may fail here comes before the token is used up.
         let name = format!("a node of {}", self.server[0]);
-        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
-        let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
+        let viewer = self.view.map(|at| view::open(at, &name, common)).transpose()?;
+        let identity = interrupt.at_once(|| join.join(JoinRole::Node))?;
+        let mut config = MemberConfig::new(join.server, identity);
         config.standbys = join.standbys;
         config.listen = join.listen;
         config.advertise = self.advertise;

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::failure::Failure;
-use crate::runtime::{LocalWorld, ProcessError, ServerProcess, is_served};
+use super::values::{AS_SERVERS_USER, of_folder};
+use crate::runtime::{LocalWorld, ServerProcess, Waiting, is_served, is_waiting};
 use crate::space::NodeId;
 
 /// The most time for a server: it gives up nodes that hang within seconds, and writes large files.
@@ -18,6 +19,8 @@ const LOOK: Duration = Duration::from_millis(20);
 const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
+/// The file by which an asker shows that it waits. What an asker that was killed has asked is not done.
+const ASKER: &str = "asker-";
 
 /// A request to a server, about a file or a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,19 +54,16 @@ pub(super) fn ask_about_file(data: &Path, verb: Verb, file: &Path) -> Result<Str
 /// Asks the server of a data folder, waits until the request is done, and returns what the server says.
 pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failure> {
     let shown = data.display();
-    if !is_served(data).map_err(ProcessError::from)? {
+    if !is_served(data).map_err(|error| of_folder(&error))? {
         return Err(Failure::usage(format!(
             "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
         )));
     }
-    let id = std::process::id();
-    let (request, answer) = (data.join(format!("{REQUEST}{id}")), data.join(format!("{ANSWER}{id}")));
-    let _ = fs::remove_file(&answer);
-    write_whole(&request, &format!("{}\n{about}", verb.name())).map_err(|error| refused(&request, &error))?;
+    let asked = Asked::write(data, verb, about)?;
+    let (request, answer) = (&asked.request, &asked.answer);
     let (deadline, mut looked) = (Instant::now() + WAIT, Instant::now());
     loop {
-        if let Ok(said) = fs::read_to_string(&answer) {
-            let _ = fs::remove_file(&answer);
+        if let Ok(said) = fs::read_to_string(answer) {
             return match said.split_once('\n') {
                 Some(("done", text)) => Ok(text.to_owned()),
                 Some((_, text)) => Err(Failure::run(text)),
@@ -74,16 +74,13 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
         if looked.elapsed() >= LOOK_FOR_SERVER {
             looked = Instant::now();
             if is_served(data).is_ok_and(|served| !served) && !answer.exists() {
-                let _ = fs::remove_file(&request);
                 return Err(Failure::run(format!("the server of {shown} has stopped before it was done")));
             }
         }
         if Instant::now() >= deadline {
-            let heard = !request.exists();
-            let _ = fs::remove_file(&request);
-            return Err(Failure::run(match heard {
-                true => format!("the server of {shown} has not said that it is done; see its log"),
-                false => format!(
+            return Err(Failure::run(match request.exists() {
+                false => format!("the server of {shown} has not said that it is done; see its log"),
+                true => format!(
                     "the server of {shown} does not hear: it hangs, or is no `dcd serve` (a program saves its world itself, by \
                      World::save_file or dcd_snapshot_save_file)"
                 ),
@@ -93,42 +90,100 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
     }
 }
 
+/// The files of a request that is waited for. They are removed with this.
+struct Asked {
+    request: PathBuf,
+    answer: PathBuf,
+    asker: PathBuf,
+    _waiting: Waiting,
+}
+
+impl Asked {
+    fn write(data: &Path, verb: Verb, about: &str) -> Result<Self, Failure> {
+        let id = std::process::id();
+        let [request, answer, asker] = [REQUEST, ANSWER, ASKER].map(|kind| data.join(format!("{kind}{id}")));
+        // Of a former process with this id.
+        let _ = fs::remove_file(&answer);
+        let waiting = Waiting::show(&asker).map_err(|error| refused(&asker, &error))?;
+        let asked = Self { request, answer, asker, _waiting: waiting };
+        let text = format!("{}\n{about}", verb.name());
+        write_whole(&asked.request, &text).map_err(|error| refused(&asked.request, &error))?;
+        Ok(asked)
+    }
+}
+
+impl Drop for Asked {
+    fn drop(&mut self) {
+        for path in [&self.request, &self.answer, &self.asker] {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// A file of a request: what it is, and the id of the asker.
+struct Letter {
+    path: PathBuf,
+    kind: &'static str,
+    asker: String,
+}
+
+/// Returns the files of requests in this folder, in order.
+fn letters(data: &Path) -> Vec<Letter> {
+    let entries = fs::read_dir(data).into_iter().flatten().flatten();
+    let read = |path: PathBuf| {
+        let name = path.file_name()?.to_str()?;
+        let found = |kind: &'static str| Some((kind, name.strip_prefix(kind)?.to_owned()));
+        let (kind, asker) = [REQUEST, ANSWER, ASKER].into_iter().find_map(found)?;
+        Some(Letter { path, kind, asker })
+    };
+    let mut letters: Vec<_> = entries.filter_map(|entry| read(entry.path())).collect();
+    letters.sort_unstable_by(|a, b| a.path.cmp(&b.path));
+    letters
+}
+
 /// Removes requests to a former server of this folder. If a server runs they are its own, and stay.
 pub(super) fn forget(data: &Path) {
     if is_served(data).is_ok_and(|served| served) {
         return;
     }
-    for path in files(data, REQUEST).into_iter().chain(files(data, ANSWER)) {
-        let _ = fs::remove_file(path);
+    for letter in letters(data) {
+        let _ = fs::remove_file(letter.path);
     }
 }
 
-/// Carries out the requests to the server of this folder.
+/// Carries out the requests to the server of this folder, and removes what askers have left that were killed.
 pub(super) fn obey(data: &Path, server: &ServerProcess) {
-    for request in files(data, REQUEST) {
-        let read = fs::read_to_string(&request);
-        // The asker has given up.
-        if read.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
-            continue;
+    for Letter { path, kind, asker } in letters(data) {
+        if !is_waiting(&data.join(format!("{ASKER}{asker}"))) {
+            let _ = fs::remove_file(path);
+        } else if kind == REQUEST
+            && let Some(said) = done(&path, server)
+        {
+            // If this fails, the asker waits until its time is up.
+            let _ = write_whole(&data.join(format!("{ANSWER}{asker}")), &said);
         }
-        let _ = fs::remove_file(&request);
-        let name = request.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let Some(id) = name.strip_prefix(REQUEST) else { continue };
-        let said = match read.as_ref().map(|text| text.split_once('\n')) {
-            Ok(Some((verb, about))) => carry_out(verb, about, server),
-            Ok(None) => Err("the request is no request of dcd".to_owned()),
-            Err(error) => Err(format!(
-                "the server cannot read the request {}: {error}; ask as the user that it runs as: runuser -u dcd -- dcd ...",
-                request.display()
-            )),
-        };
-        let said = match said {
-            Ok(text) => format!("done\n{text}"),
-            Err(text) => format!("failed\n{text}"),
-        };
-        // If this fails, the asker waits until its time is up.
-        let _ = write_whole(&data.join(format!("{ANSWER}{id}")), &said);
     }
+}
+
+/// Carries out a request, and returns the answer; `None` if the asker has withdrawn it.
+fn done(request: &Path, server: &ServerProcess) -> Option<String> {
+    let read = fs::read_to_string(request);
+    if read.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+        return None;
+    }
+    let _ = fs::remove_file(request);
+    let said = match read.as_ref().map(|text| text.split_once('\n')) {
+        Ok(Some((verb, about))) => carry_out(verb, about, server),
+        Ok(None) => Err("the request is no request of dcd".to_owned()),
+        Err(error) => {
+            let path = request.display();
+            Err(format!("the server cannot read the request {path}: {error}; {AS_SERVERS_USER}"))
+        }
+    };
+    Some(match said {
+        Ok(text) => format!("done\n{text}"),
+        Err(text) => format!("failed\n{text}"),
+    })
 }
 
 fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, String> {
@@ -154,7 +209,7 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
         Some(Verb::Backup) => {
             let bodies = server.back_up(file).map_err(|error| error.to_string())?;
             Ok(format!(
-                "backed up to {shown}, with {bodies} bodies: the server's own command goes on with the world, with --data {shown} and \
+                "backed up to {shown}, with {bodies} movable bodies: the server's own command goes on with the world, with --data {shown} and \
                  without --directory"
             ))
         }
@@ -181,22 +236,41 @@ fn write_whole(path: &Path, text: &str) -> io::Result<()> {
     fs::rename(&part, path)
 }
 
-/// Returns the files of a folder whose names begin with `prefix`, in order.
-fn files(folder: &Path, prefix: &str) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let is_one = |path: &PathBuf| {
-        path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(prefix))
-    };
-    let mut files: Vec<_> = entries.map(|entry| entry.path()).filter(is_one).collect();
-    files.sort_unstable();
-    files
-}
-
 fn refused(path: &Path, error: &io::Error) -> Failure {
     let remedy = match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room there",
-        io::ErrorKind::PermissionDenied => "see that this user may write there",
+        io::ErrorKind::PermissionDenied => AS_SERVERS_USER,
         _ => "name a file in a folder that exists",
     };
     Failure::usage(format!("{}: {error}; {remedy}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::{Origin, ServeConfig, WorldConfig};
+
+    #[test]
+    fn what_a_killed_asker_has_asked_is_not_done_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let (data, file) = (folder.path().join("data"), folder.path().join("saved"));
+        let world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let server = ServerProcess::start(Origin::World(&world), ServeConfig::new(&data)).unwrap();
+        let about = file.to_str().unwrap();
+        let names = |kind: &str| letters(&data).into_iter().filter(|letter| letter.kind == kind).count();
+
+        let asked = Asked::write(&data, Verb::Backup, about).unwrap();
+        obey(&data, &server);
+        assert!(file.exists() && asked.answer.exists() && !asked.request.exists());
+        assert_eq!([REQUEST, ANSWER, ASKER].map(names), [0, 1, 1]);
+        drop(asked);
+        assert!(letters(&data).is_empty());
+
+        // Of two that were killed, the server had answered one.
+        for (kind, id) in [(REQUEST, 1), (ASKER, 1), (ANSWER, 2), (ASKER, 2), (REQUEST, 3)] {
+            fs::write(data.join(format!("{kind}{id}")), "backup\nelsewhere").unwrap();
+        }
+        obey(&data, &server);
+        assert!(letters(&data).is_empty() && !Path::new("elsewhere").exists());
+    }
 }

@@ -181,7 +181,7 @@ impl Serve {
         // A failure to print does not end the world.
         let watched = self
             .announce(&server, common)
-            .and_then(|()| self.onlooker(&server))
+            .and_then(|()| self.onlooker(&server, common))
             .and_then(|onlooker| self.watch(&server, onlooker, interrupt, common));
         notifier.stopping();
         if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
@@ -353,8 +353,8 @@ impl Serve {
         Ok(GroupConfig { lag_ticks: self.lag, thresholds, grouping })
     }
 
-    fn onlooker(&self, server: &ServerProcess) -> Result<Option<Onlooker>, Failure> {
-        let join = |at| Onlooker::join(at, server.address, server.token(JoinRole::Client, AT_ONCE)?);
+    fn onlooker(&self, server: &ServerProcess, common: &Common) -> Result<Option<Onlooker>, Failure> {
+        let join = |at| Onlooker::join(at, server.address, server.token(JoinRole::Client, AT_ONCE)?, common);
         self.view.map(join).transpose()
     }
 

@@ -56,7 +56,7 @@ pub(super) struct Status {
     /// The server's data folder, on its machine: whoever may read it needs no token
     #[arg(long, value_name = "DIR", conflicts_with = "token")]
     data: Option<PathBuf>,
-    /// Show the status once per second until Ctrl-C
+    /// Show the status once per second until Ctrl-C; a server that is gone is dialled again
     #[arg(long)]
     watch: bool,
     /// Print one JSON object
@@ -65,33 +65,60 @@ pub(super) struct Status {
 }
 
 impl Status {
-    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+    pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let link = StatusLink::connect(&joining(&self.server, self.token()?))
-            .map_err(|error| self.failure(error))?;
-        let (mut before, mut asked) = (link.ask(ANSWER)?, Instant::now());
-        loop {
-            while asked.elapsed() < BETWEEN && !interrupt.asked() {
-                std::thread::sleep(LOOK.min(BETWEEN.saturating_sub(asked.elapsed())));
+        let mut link = interrupt.at_once(|| self.dial())?;
+        let (mut last, mut is_lost) = (None, false);
+        while !interrupt.asked() {
+            match interrupt.at_once(|| asked(&mut link, is_lost)) {
+                Ok(now) => {
+                    let at = Instant::now();
+                    if let Some((before, then)) = last.replace((now.clone(), at))
+                        && !self.show(&Report::of(&before, &now, at.duration_since(then)))?
+                    {
+                        return Ok(ExitCode::SUCCESS);
+                    }
+                    is_lost = false;
+                }
+                Err(error) if self.goes_on_after(&error) => {
+                    if !std::mem::replace(&mut is_lost, true) {
+                        common.say(&format!("{}; dialling it again until Ctrl-C", lost(&error)));
+                    }
+                    // No rate is of the time without the server.
+                    last = None;
+                }
+                Err(error) => return Err(self.failure(error)),
             }
-            if interrupt.asked() {
-                return Ok(interrupt.exit_code());
-            }
-            let (now, at) = (link.ask(ANSWER)?, Instant::now());
-            let report = Report::of(&before, &now, at.duration_since(asked));
-            let text = if self.json { report.json()? } else { report.table() };
-            let is_screen = self.watch && !self.json && std::io::stdout().is_terminal();
-            let is_read = print_to_reader(&if is_screen { format!("{CLEAR}{text}") } else { text })?;
-            if !is_read || !self.watch {
-                return Ok(ExitCode::SUCCESS);
-            }
-            (before, asked) = (now, at);
+            pause(interrupt);
         }
+        Ok(interrupt.exit_code())
+    }
+
+    fn dial(&self) -> Result<StatusLink, Failure> {
+        let token = self.token()?;
+        StatusLink::connect(&joining(&self.server, token)).map_err(|error| self.failure(error))
+    }
+
+    /// Shows a report; returns whether another one is to follow.
+    fn show(&self, report: &Report) -> Result<bool, Failure> {
+        let text = if self.json { report.json()? } else { report.table() };
+        let is_screen = self.watch && !self.json && std::io::stdout().is_terminal();
+        let is_read = print_to_reader(&if is_screen { format!("{CLEAR}{text}") } else { text })?;
+        Ok(is_read && self.watch)
+    }
+
+    /// Returns whether the server is to be dialled again after an error: it may come back, or another one may
+    /// take over.
+    fn goes_on_after(&self, error: &ProcessError) -> bool {
+        self.watch && !matches!(error, ProcessError::Net(NetError::WrongPeer { .. }))
     }
 
     /// Returns the failure, with a hint at --server where --data and the usual address were used: the server
     /// of that folder may listen elsewhere.
     fn failure(&self, error: ProcessError) -> Failure {
+        if matches!(error, ProcessError::ServerGone { .. }) {
+            return Failure::run(format!("{}; see whether it runs, and ask again", lost(&error)));
+        }
         let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
         if self.data.is_some() && usual && matches!(error, ProcessError::Net(NetError::Unreachable { .. })) {
             return Failure::run(format!(
@@ -112,6 +139,32 @@ impl Status {
         let token =
             Authority::load_or_create(data)?.issue_token(JoinRole::Client, AT_ONCE, SystemTime::now())?;
         Ok(token.to_string())
+    }
+}
+
+/// Asks a server, which is dialled again first if its link is lost.
+fn asked(link: &mut StatusLink, is_lost: bool) -> Result<Told, ProcessError> {
+    if is_lost {
+        link.dial_again(ANSWER)?;
+    }
+    link.ask(ANSWER)
+}
+
+/// Waits until the next answer is due, or the user asks for the end.
+fn pause(interrupt: Interrupt) {
+    let begun = Instant::now();
+    while begun.elapsed() < BETWEEN && !interrupt.asked() {
+        std::thread::sleep(LOOK.min(BETWEEN.saturating_sub(begun.elapsed())));
+    }
+}
+
+/// Says that a server is out of reach, without the remedy of who takes part in its world.
+fn lost(error: &ProcessError) -> String {
+    match error {
+        ProcessError::ServerGone { server, reason } => {
+            format!("the link to the server at {server} is gone ({reason})")
+        }
+        error => error.to_string(),
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::failure::Failure;
+use crate::cluster::directory::DirectoryError;
 use crate::runtime::{JoinConfig, is_there};
 
 /// Default address of servers.
@@ -100,11 +101,17 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
 }
 
+/// The remedy where a data folder is another user's.
+pub(super) const AS_SERVERS_USER: &str = "ask as the user that the server runs as: runuser -u dcd -- dcd ...";
+
 /// Returns whether a server has used a data folder.
 pub(super) fn is_used(data: &Path) -> Result<bool, Failure> {
-    is_there(&data.join("authority.pem")).map_err(|error| {
-        Failure::usage(format!("{error}. Ask as the user that the server runs as: runuser -u dcd -- dcd ..."))
-    })
+    is_there(&data.join("authority.pem")).map_err(|error| of_folder(&error))
+}
+
+/// Returns the failure of a command whose data folder cannot be used: it may be another user's.
+pub(super) fn of_folder(error: &DirectoryError) -> Failure {
+    Failure::usage(format!("{error}; {AS_SERVERS_USER}"))
 }
 
 /// Checks that a new recording overwrites nothing: the file must not exist, or be empty.

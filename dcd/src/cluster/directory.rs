@@ -165,6 +165,16 @@ pub enum DirectoryError {
         /// What the system said.
         cause: String,
     },
+    /// Nobody answers at the directory's place.
+    #[error(
+        "cannot use {place}: {cause}; see that etcd runs at these addresses, and that its port (TCP) can be reached from here"
+    )]
+    Unreachable {
+        /// The place of the directory.
+        place: String,
+        /// What the system said.
+        cause: String,
+    },
     /// The content of the directory contradicts itself.
     #[error("{place} is damaged ({what}); restore it from a copy, or begin the world anew (--fresh)")]
     Damaged {

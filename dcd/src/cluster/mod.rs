@@ -60,6 +60,8 @@ pub use server::{
     RestoreError, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, Verification,
     WORLD_ENDED,
 };
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) use server::{difference, highest_names, movable_bodies};
 pub use state_replication::{ReplicationEvent, StateReplication, TickNews};
 pub use votes::{
     Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollCounts, PollRules, Polls, Tally,

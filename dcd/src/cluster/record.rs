@@ -44,6 +44,11 @@ impl StoredBody {
     pub(super) fn tick(&self) -> Tick {
         self.tick
     }
+
+    /// Returns whether nodes own it, as all bodies but immovable ones.
+    pub(super) fn is_movable(&self) -> bool {
+        self.body.traits.kind != BodyKind::Fixed
+    }
 }
 
 impl Check for StoredBody {
@@ -404,10 +409,7 @@ impl Record {
     /// Returns the movable bodies with their lives. Immovable ones have no owner: every node is sent them on
     /// joining.
     pub(super) fn movable_lives(&self) -> impl Iterator<Item = (BodyId, Life)> {
-        self.bodies
-            .iter()
-            .filter(|(_, entry)| entry.body.traits.kind != BodyKind::Fixed)
-            .map(|(&id, entry)| (id, entry.life))
+        self.bodies.iter().filter(|(_, entry)| entry.is_movable()).map(|(&id, entry)| (id, entry.life))
     }
 
     /// Returns the ids of all recorded bodies with their lives.

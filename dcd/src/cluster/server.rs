@@ -47,6 +47,8 @@ pub use self::builders::{MAX_BUILT, MAX_BUILT_SHAPE_BYTES};
 pub use self::drain::DrainError;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) use self::stored::summary::{difference, highest_names, movable_bodies};
 pub use self::stored::{RestoreError, ServerOrigin};
 pub use self::verdicts::Verification;
 

@@ -25,7 +25,7 @@ use super::token::{NONCE_BYTES, Secret, reset_key, unix_seconds};
 use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
 #[cfg(feature = "physics")]
-use crate::space::NodeId;
+use crate::space::{ClientId, NodeId};
 
 /// The root of trust of one world, kept in the server's data folder. The holder of its key decides who takes
 /// part.
@@ -88,7 +88,9 @@ impl Authority {
     }
 
     fn load(folder: &Path, path: &Path) -> Result<Self, NetError> {
-        let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned() };
+        let remedy = "restore it from a backup: without it no token and no identity of its world counts any more; if there is none, move it \
+                      away, and let all nodes and clients join anew";
+        let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned(), remedy };
         let pem = std::fs::read(path).map_err(at(path))?;
         let key_der = PrivatePkcs8KeyDer::from_pem_slice(&pem).map_err(|_| damaged("no private key"))?;
         let key = Key::from_der(&key_der).ok_or_else(|| damaged("a private key that is not Ed25519"))?;
@@ -187,6 +189,13 @@ impl Authority {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         self.is_over.store(true, Ordering::Relaxed);
         *ledger = None;
+    }
+
+    /// Gives no name up to these any more. Returns whether the record of joins did not know all of them.
+    #[cfg(feature = "physics")]
+    pub(crate) fn keep_names(&self, node: NodeId, client: ClientId) -> Result<bool, NetError> {
+        let mut ledger = self.ledger(SystemTime::now())?;
+        ledger.as_mut().expect("ledger() opens it").keep_names(node, client)
     }
 
     /// Returns whether a node has ever been given this name.

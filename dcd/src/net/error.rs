@@ -20,12 +20,14 @@ pub enum NetError {
         source: io::Error,
     },
     /// The content of a file is not what it should be.
-    #[error("{} is damaged or of another program ({what}); restore it from a copy; an identity may also be removed, to join anew", path.display())]
+    #[error("{} is damaged or of another program ({what}); {remedy}", path.display())]
     Damaged {
         /// The file or folder.
         path: PathBuf,
         /// What is wrong with it.
         what: String,
+        /// What to do about it.
+        remedy: &'static str,
     },
     /// Another server runs with the same data folder.
     #[error("another server is running with the data folder {}; stop it or choose another folder", path.display())]
@@ -54,7 +56,7 @@ pub enum NetError {
         addr: SocketAddr,
     },
     /// The address cannot be listened on.
-    #[error("cannot listen on {addr}: {source}; choose an address of this machine")]
+    #[error("cannot listen on {addr}: {source}; {}", to_listen(.source))]
     Bind {
         /// The address.
         addr: SocketAddr,
@@ -118,6 +120,16 @@ pub enum NetError {
     /// The runtime's threads cannot be started.
     #[error("cannot start the network threads: {0}; raise the limit of threads or of open files")]
     Threads(io::Error),
+}
+
+/// Returns the remedy where an address cannot be listened on.
+fn to_listen(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::PermissionDenied => {
+            "choose a port above 1023, or give the program the right to the lower ones (CAP_NET_BIND_SERVICE)"
+        }
+        _ => "choose an address of this machine",
+    }
 }
 
 /// The error for a frame or datagram that is not sent.

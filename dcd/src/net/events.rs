@@ -72,6 +72,19 @@ pub enum NetEvent {
     },
 }
 
+impl NetEvent {
+    /// Returns the connection whose event this is.
+    pub fn peer(&self) -> PeerKey {
+        match *self {
+            Self::Connected { peer, .. }
+            | Self::ConnectFailed { peer, .. }
+            | Self::Frame { peer, .. }
+            | Self::Datagram { peer, .. }
+            | Self::Closed { peer, .. } => peer,
+        }
+    }
+}
+
 /// The way in which a connection ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CloseCause {

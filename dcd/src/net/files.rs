@@ -36,6 +36,10 @@ pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
     if path.is_dir() {
         return Err(at(path)(io::ErrorKind::IsADirectory.into()));
     }
+    // Nobody may ever write to a pipe, and nothing is kept there.
+    if path.exists() && !path.is_file() {
+        return Err(at(path)(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file")));
+    }
     let draft = draft_of(path);
     open_private(&draft, OpenOptions::new().write(true).create(true).truncate(true))?;
     fs::remove_file(&draft).map_err(at(&draft))
@@ -76,6 +80,13 @@ mod tests {
         replace_private(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+
+    #[test]
+    #[cfg(feature = "physics")]
+    fn a_device_or_a_pipe_keeps_nothing() {
+        let refused = check_replaceable(Path::new("/dev/null")).unwrap_err().to_string();
+        assert!(refused.contains("not a regular file"), "{refused}");
     }
 
     #[test]

@@ -89,7 +89,8 @@ impl Identity {
     /// Reads what [`Identity::save`] wrote.
     pub fn load(path: &Path) -> Result<Self, NetError> {
         let text = std::fs::read_to_string(path).map_err(at(path))?;
-        let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned() };
+        let remedy = "restore it from a copy, or remove it and join anew with a token";
+        let damaged = |what: &str| NetError::Damaged { path: path.to_owned(), what: what.to_owned(), remedy };
         let resume = text.lines().find_map(|line| line.strip_prefix("resume "));
         let resume = resume.map(str::parse).transpose().map_err(|_| damaged("its resume key"))?;
         let expires = text.lines().find_map(|line| line.strip_prefix("expires ")?.parse().ok());

@@ -377,11 +377,10 @@ pub(super) fn explain(
         ConnectionError::ConnectionClosed(close)
             if close.error_code == quinn::TransportErrorCode::CONNECTION_REFUSED =>
         {
-            NetError::Refused {
-                addr,
-                code: CloseCode::REFUSED,
-                reason: "it has no room for more connections; try again later".to_owned(),
-            }
+            // QUIC says no more.
+            let reason = "it takes no more connections: it is about to end, or has no room for them; see whether it runs on, and try again \
+                          later";
+            NetError::Refused { addr, code: CloseCode::REFUSED, reason: reason.to_owned() }
         }
         ConnectionError::ApplicationClosed(close) => {
             let reason = String::from_utf8_lossy(&close.reason).into_owned();

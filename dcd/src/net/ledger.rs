@@ -81,9 +81,12 @@ impl Ledger {
         // A last line without its end was cut by a crash. Its joiner never got an answer.
         let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
         for line in whole.lines() {
-            let Line { nonce, until_s, node, client, times, last } = Line::parse(line).ok_or_else(|| {
-                NetError::Damaged { path: journal.place(), what: format!("the line `{line}`") }
-            })?;
+            let damaged = || NetError::Damaged {
+                path: journal.place(),
+                what: format!("the line `{line}`"),
+                remedy: "restore it from a copy: it says which tokens were used, and which names were given",
+            };
+            let Line { nonce, until_s, node, client, times, last } = Line::parse(line).ok_or_else(damaged)?;
             last_node = last_node.max(node);
             last_client = last_client.max(client);
             if is_kept(until_s, now_s) {
@@ -120,6 +123,21 @@ impl Ledger {
     /// Returns how often a token was used.
     pub(super) fn uses(&self, nonce: &Nonce) -> u32 {
         self.used.get(nonce).map_or(0, |used| used.times)
+    }
+
+    /// Gives no name up to these any more, durably. Returns whether the record did not know all of them: then
+    /// it is not the one of the world that has these names.
+    #[cfg(feature = "physics")]
+    pub(super) fn keep_names(&mut self, node: NodeId, client: ClientId) -> Result<bool, NetError> {
+        if node.0 <= self.last_node && client.0 <= self.last_client {
+            return Ok(false);
+        }
+        self.last_node = self.last_node.max(node.0);
+        self.last_client = self.last_client.max(client.0);
+        let (node, client) = (self.last_node, self.last_client);
+        let ids = Line { nonce: [0; NONCE_BYTES], until_s: 0, node, client, times: 1, last: None };
+        self.journal.append(&ids.to_string())?;
+        Ok(true)
     }
 
     /// Returns whether a node has ever been given this name.
@@ -292,6 +310,21 @@ mod tests {
         assert_eq!(copied.uses(&[1; 16]), 1);
         let next = copied.record([3; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
         assert!(next.node() > since.node() && next.client() > since.client(), "{next} {since}");
+    }
+
+    #[test]
+    #[cfg(feature = "physics")]
+    fn names_of_a_world_whose_record_was_lost_are_not_given_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ledger = open(folder.path(), 0).unwrap();
+        assert!(ledger.keep_names(NodeId(2), ClientId(5)).unwrap());
+        assert!(!ledger.keep_names(NodeId(2), ClientId(4)).unwrap());
+        drop(ledger);
+        let mut ledger = open(folder.path(), 0).unwrap();
+        assert!(ledger.has_named(NodeId(2)) && !ledger.has_named(NodeId(3)));
+        let next = ledger.record([1; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
+        assert_eq!(next, PeerName::Participant(NodeId(3), ClientId(6)));
+        assert!(!ledger.keep_names(NodeId(3), ClientId(6)).unwrap());
     }
 
     #[test]

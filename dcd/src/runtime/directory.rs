@@ -10,10 +10,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::{ProcessError, ServeConfig, WorldError};
-use crate::cluster::directory::Directory;
+use crate::cluster::difference;
 #[cfg(feature = "etcd")]
 use crate::cluster::directory::DirectoryError;
+use crate::cluster::directory::{Directory, Entry, Key};
 use crate::net::Authority;
+use crate::protocol::EnvironmentProperties;
 
 pub(super) use self::lock::FolderLock;
 pub(crate) use self::lock::{is_served, is_there};
@@ -31,12 +33,46 @@ pub(super) struct Opened {
 pub(crate) type GoesOn<'a> = &'a mut dyn FnMut(&str, bool) -> bool;
 
 /// Opens the directory that the configuration names. In etcd this waits until no other server holds the
-/// world. Returns `None` if `goes_on` ended the wait.
-pub(super) fn open(config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+/// world. Returns `None` if `goes_on` ended the wait. `served` is the world that is to be served.
+pub(super) fn open(
+    config: &ServeConfig,
+    served: &EnvironmentProperties,
+    goes_on: GoesOn<'_>,
+) -> Result<Option<Opened>, ProcessError> {
     match &config.directory {
         None => in_folder(&config.data, config.fresh).map(Some),
-        Some(address) => in_etcd(address, config, goes_on),
+        Some(address) => in_etcd(address, config, served, goes_on),
     }
+}
+
+/// Checks that the stored world, if there is one, is the one that is to be served.
+pub(super) fn check_same(
+    entries: &[Entry],
+    served: &EnvironmentProperties,
+    config: &ServeConfig,
+) -> Result<(), ProcessError> {
+    let stored = entries.iter().find(|entry| entry.key == Key::World);
+    match stored.and_then(|world| difference(&world.value, served)) {
+        None => Ok(()),
+        Some(parts) => Err(other_world(&parts, config.directory.is_some())),
+    }
+}
+
+/// Returns the error of a server whose world differs from the stored one in these parts.
+fn other_world(parts: &str, is_in_etcd: bool) -> ProcessError {
+    let what = if is_in_etcd { "the world of this name in etcd" } else { "what the data folder holds" };
+    let range = match is_in_etcd {
+        true => {
+            "serve the same scene with the same options as its other servers, end it (`dcd end` beside the server that serves it), or give this \
+             world another name (--directory)"
+        }
+        false => {
+            "serve the same scene with the same options to go on with it, end it (`dcd end`), forget it (--fresh), or choose another folder \
+             (--data)"
+        }
+    };
+    let value = format!("another world that has not ended (it differs in {parts})");
+    WorldError::Setting { what, value, range }.into()
 }
 
 fn in_folder(folder: &Path, fresh: bool) -> Result<Opened, ProcessError> {
@@ -50,7 +86,12 @@ fn in_folder(folder: &Path, fresh: bool) -> Result<Opened, ProcessError> {
 }
 
 #[cfg(feature = "etcd")]
-fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+fn in_etcd(
+    address: &str,
+    config: &ServeConfig,
+    served: &EnvironmentProperties,
+    goes_on: GoesOn<'_>,
+) -> Result<Option<Opened>, ProcessError> {
     // From here on the address is without its options, since people read it.
     let (options, address) = (address, etcd::EtcdAddress::shown(address));
     let options = etcd::EtcdAddress::parse(options).map_err(|range| malformed(address, range))?;
@@ -60,8 +101,11 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
     let authority = Arc::new(authority);
     // A name for people to read, different for each server.
     let number = u64::from_be_bytes(crate::net::random()?);
-    let holder = format!("{} (process {}, {number:016x})", config.listen, std::process::id());
+    let machine = host_name().map(|name| format!(" on {name}")).unwrap_or_default();
+    let holder = format!("{}{machine} (process {}, {number:016x})", config.listen, std::process::id());
     let (mut stood_by, mut is_away, mut is_taken) = (false, false, false);
+    let mut stored = Some(etcd::Glance::at(&world));
+    let mut unlike = None;
     let mut wait_on = |wait: etcd::Wait| match wait {
         etcd::Wait::Held(_) if config.fresh => {
             is_taken = true;
@@ -75,7 +119,12 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
                     "standing by: another server holds the world"
                 );
             }
-            goes_on(&format!("standing by for {other}"), true)
+            // Once the world is known to be the same, it stays so while it is held.
+            if let Some(value) = stored.as_mut().and_then(etcd::Glance::world) {
+                stored = None;
+                unlike = difference(&value, served);
+            }
+            unlike.is_none() && goes_on(&format!("standing by for {other}"), true)
         }
         etcd::Wait::Away(why) => {
             if !std::mem::replace(&mut is_away, true) {
@@ -89,9 +138,10 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
         }
     };
     let Some(directory) = world.open(&holder, config.fresh, &mut wait_on)? else {
-        return match is_taken {
-            true => Err(DirectoryError::Taken { place: address.to_owned() }.into()),
-            false => Ok(None),
+        return match unlike {
+            _ if is_taken => Err(DirectoryError::Taken { place: address.to_owned() }.into()),
+            Some(parts) => Err(other_world(&parts, true)),
+            None => Ok(None),
         };
     };
     if directory.is_cleared() {
@@ -106,13 +156,26 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
     Ok(Some(Opened { directory: Box::new(directory), authority, folder_lock: Some(folder_lock) }))
 }
 
+/// Returns the name of this machine, if the system says it.
+#[cfg(feature = "etcd")]
+fn host_name() -> Option<String> {
+    let of_linux = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
+    let name = of_linux.or_else(|| std::env::var("HOSTNAME").or_else(|_| std::env::var("COMPUTERNAME")).ok());
+    name.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
+}
+
 #[cfg(feature = "etcd")]
 fn malformed(address: &str, range: &'static str) -> ProcessError {
     WorldError::Setting { what: "directory", value: address.to_owned(), range }.into()
 }
 
 #[cfg(not(feature = "etcd"))]
-fn in_etcd(address: &str, _: &ServeConfig, _: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+fn in_etcd(
+    address: &str,
+    _: &ServeConfig,
+    _: &EnvironmentProperties,
+    _: GoesOn<'_>,
+) -> Result<Option<Opened>, ProcessError> {
     let range = "this dcd was built without the feature `etcd`: build it with that, as cargo install --features cli,etcd";
     // Drops what comes before an @, where somebody may have written a password, and the options.
     let place = address.rsplit('@').next().unwrap_or_default();

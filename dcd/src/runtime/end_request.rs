@@ -1,11 +1,13 @@
 //! Ends a stored world from outside its server: by a request in the data folder, which a running server
 //! obeys.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::RedbDirectory;
 use super::directory::{is_served, is_there};
+use super::waiting::{Waiting, is_waiting};
 use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
@@ -29,13 +31,15 @@ impl EndRequests {
         Self { path, looked: Instant::now() }
     }
 
-    /// Returns whether there is a request, and removes it. Looks no more often than every [`LOOK`].
+    /// Returns whether there is a request, and removes it. One whose asker has ended is dropped. Looks no more
+    /// often than every [`LOOK`].
     pub(super) fn take(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return false;
         }
         self.looked = Instant::now();
-        std::fs::remove_file(&self.path).is_ok()
+        let is_meant = is_waiting(&self.path);
+        std::fs::remove_file(&self.path).is_ok() && is_meant
     }
 }
 
@@ -60,6 +64,7 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
     let begun = Instant::now();
     let path = folder.join(REQUEST);
     let (mut asked, mut heard) = (false, false);
+    let mut waiting = None;
     loop {
         if !is_served(folder)? {
             if asked {
@@ -88,11 +93,19 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
             std::thread::sleep(LOOK_AGAIN);
             continue;
         }
-        std::fs::write(&path, []).map_err(|error| DirectoryError::Unwritable {
-            place: path.display().to_string(),
-            cause: error.to_string(),
-        })?;
+        // The former request is over first: it was taken.
+        drop(waiting.take());
+        waiting = Some(Waiting::show(&path).map_err(|error| refused(&path, &error))?);
         asked = true;
+    }
+}
+
+/// Returns why a folder takes no request: it may be another user's.
+fn refused(path: &Path, error: &io::Error) -> DirectoryError {
+    let (place, cause) = (path.display().to_string(), error.to_string());
+    match error.kind() {
+        io::ErrorKind::PermissionDenied => DirectoryError::Unreadable { place, cause },
+        _ => DirectoryError::Unwritable { place, cause },
     }
 }
 
@@ -113,6 +126,23 @@ fn remove(folder: &Path) -> Result<bool, DirectoryError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_request_whose_asker_has_ended_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(REQUEST);
+        let mut requests = EndRequests::of(folder.path());
+        let mut taken = || {
+            requests.looked = requests.looked.checked_sub(LOOK).unwrap();
+            requests.take()
+        };
+        assert!(!taken());
+        let asker = Waiting::show(&path).unwrap();
+        assert!(taken() && !path.exists());
+        drop(asker);
+        drop(Waiting::show(&path).unwrap());
+        assert!(!taken() && !path.exists());
+    }
 
     #[test]
     fn a_wait_of_no_time_or_for_ever_is_one_too() {

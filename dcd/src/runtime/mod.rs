@@ -58,6 +58,8 @@ mod snapshot;
 #[cfg(feature = "net")]
 mod status;
 mod tape;
+#[cfg(feature = "net")]
+mod waiting;
 
 #[cfg(feature = "net")]
 pub use bandwidth::{Bandwidth, Count, Received};
@@ -103,3 +105,5 @@ pub use server::{ServerProcess, ServerSummary};
 pub use snapshot::{Checkpoint, SnapshotError};
 #[cfg(feature = "net")]
 pub use status::StatusLink;
+#[cfg(feature = "cli")]
+pub(crate) use waiting::{Waiting, is_waiting};

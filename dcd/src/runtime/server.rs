@@ -27,7 +27,10 @@ use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig, WorldError};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
-use crate::cluster::{DrainError, Grouping, Record, SavedWorld, ServerConfig, ServerOrigin, Verification};
+use crate::cluster::{
+    DrainError, Grouping, Record, SavedWorld, ServerConfig, ServerOrigin, Verification, highest_names,
+    movable_bodies,
+};
 use crate::fidelity::FidelityReport;
 use crate::metrics::Endpoint;
 use crate::net::{
@@ -190,8 +193,13 @@ impl ServerProcess {
         // stored world as it is.
         check_address(config.listen)?;
         config.metrics.map_or(Ok(()), super::metrics::check)?;
-        let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
+        let Some(opened) = directory::open(&config, &environment, goes_on)? else { return Ok(None) };
         let Opened { mut directory, authority, folder_lock } = opened;
+        let entries = directory.load()?;
+        if !config.fresh {
+            directory::check_same(&entries, &environment, &config)?;
+        }
+        keep_names(&authority, &entries)?;
         let net = NetConfig {
             listen: config.listen,
             identity: authority.server_identity()?,
@@ -209,7 +217,6 @@ impl ServerProcess {
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         let properties = Box::new(environment.clone());
         shared.lock().summary.regions = properties.tree.leaf_count();
-        let entries = directory.load()?;
         let server_config = ServerConfig {
             world: environment,
             min_nodes: config.nodes.max(1),
@@ -450,13 +457,13 @@ impl ServerProcess {
 
     /// Writes a data folder from which another server goes on with the world as this server's successor would
     /// if it died now: the authority, the record of joins, and the stored world, at most some seconds old.
-    /// The folder must not exist yet. Returns the number of bodies.
+    /// The folder must not exist yet. Returns the number of movable bodies.
     pub fn back_up(&self, folder: &Path) -> Result<usize, ProcessError> {
         let (sender, copied) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Copy(sender));
         let copied = copied.recv().map_err(|_| ProcessError::Ended("the world has ended".to_owned()))?;
         let entries = copied?;
-        let bodies = entries.iter().filter(|entry| matches!(entry.key, Key::Body(_))).count();
+        let bodies = movable_bodies(&entries);
         backup::write(folder, entries, &self.authority)?;
         Ok(bodies)
     }
@@ -513,6 +520,22 @@ impl Drop for ServerProcess {
             self.end();
         }
     }
+}
+
+/// Gives no name of the stored world to another process, also where the record of joins is lost or older than
+/// the world.
+fn keep_names(authority: &Authority, entries: &[Entry]) -> Result<(), NetError> {
+    let (node, client) = highest_names(entries);
+    if authority.keep_names(node, client)? {
+        tracing::warn!(
+            %node,
+            %client,
+            "the record of joins (joins.log) does not know all nodes and clients of the stored world: it is lost, or older than the world. \
+             No name is given twice, but tokens that were used let processes in again until they expire. Put joins.log back from a \
+             backup if there is one: stop the server first"
+        );
+    }
+    Ok(())
 }
 
 /// Returns what the server begins with: the stored world, unless it is to be forgotten.

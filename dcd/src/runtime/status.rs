@@ -5,14 +5,17 @@ use std::time::{Duration, Instant};
 
 use super::member::interface_towards;
 use super::{JoinConfig, ProcessError};
-use crate::net::{JoinRole, Lane, Limits, Net, NetConfig, NetEvent, NetEvents, PeerKey, PeerName};
+use crate::net::{
+    CloseCode, JoinRole, Lane, Limits, Net, NetConfig, NetEvent, NetEvents, PeerKey, PeerName, SendError,
+};
 use crate::protocol::{self, Message, Status};
 
 /// A link to a server, over which the server is asked for the status of its world.
 pub struct StatusLink {
     net: Net,
     events: NetEvents,
-    server: SocketAddr,
+    /// All addresses at which the server may be.
+    servers: Vec<SocketAddr>,
     link: PeerKey,
 }
 
@@ -30,19 +33,35 @@ impl StatusLink {
             limits: Limits::default(),
         };
         let (net, events) = Net::start(net)?;
-        let link = net.connect_to_one_of(&config.servers(), PeerName::Server);
-        let status = Self { net, events, server: config.server, link };
-        let is_up = |event| matches!(event, NetEvent::Connected { .. }).then_some(());
-        status.wait(begun, config.timeout, is_up)?;
+        let servers = config.servers();
+        let link = net.connect_to_one_of(&servers, PeerName::Server);
+        let status = Self { net, events, servers, link };
+        status.wait_for_link(begun, config.timeout)?;
         Ok(status)
+    }
+
+    /// Dials the server again, at all addresses, after its link has broken. No token is used up.
+    pub fn dial_again(&mut self, timeout: Duration) -> Result<(), ProcessError> {
+        let begun = Instant::now();
+        self.net.close(self.link, CloseCode::DONE, "dialled anew");
+        self.link = self.net.connect_to_one_of(&self.servers, PeerName::Server);
+        self.wait_for_link(begun, timeout)
+    }
+
+    fn wait_for_link(&self, begun: Instant, timeout: Duration) -> Result<(), ProcessError> {
+        self.wait(begun, timeout, |event| matches!(event, NetEvent::Connected { .. }).then_some(()))
     }
 
     /// Asks for the status, and waits for the answer. A server answers at most ten times per second.
     pub fn ask(&self, timeout: Duration) -> Result<Status, ProcessError> {
         let begun = Instant::now();
-        let gone = |reason: String| ProcessError::ServerGone { server: self.server, reason };
+        let gone = |reason: String| ProcessError::ServerGone { server: self.servers[0], reason };
         let question = protocol::encode(&Message::AskStatus);
-        self.net.send(self.link, Lane::Admin, &question).map_err(|error| gone(error.to_string()))?;
+        match self.net.send(self.link, Lane::Admin, &question) {
+            // Why a link is gone is said by its last event.
+            Ok(()) | Err(SendError::NotConnected) => {}
+            Err(error) => return Err(gone(error.to_string())),
+        }
         self.wait(begun, timeout, |event| match event {
             NetEvent::Frame { bytes, .. } => match protocol::decode(&bytes) {
                 Ok(Message::Status(status)) => Some(Ok(status)),
@@ -60,10 +79,11 @@ impl StatusLink {
         timeout: Duration,
         take: impl Fn(NetEvent) -> Option<T>,
     ) -> Result<T, ProcessError> {
-        let server = self.server;
+        let server = self.servers[0];
         loop {
             let left = timeout.saturating_sub(begun.elapsed());
             match self.events.recv_timeout(left) {
+                Ok(event) if event.peer() != self.link => {}
                 Ok(NetEvent::ConnectFailed { error, .. }) => return Err(error.into()),
                 Ok(NetEvent::Closed { reason, .. }) => {
                     return Err(ProcessError::ServerGone { server, reason });

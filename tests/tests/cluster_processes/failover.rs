@@ -48,7 +48,7 @@ impl Pair {
         active.line("listening ");
         let mut standby = serve(&place, &addresses[1], &folder.path().join("1"));
         let holder = standby.line("standing by for ");
-        assert!(holder.starts_with(&addresses[0]), "{holder}");
+        assert!(holder.starts_with(&addresses[0]) && holder.contains(" on "), "{holder}");
         let both = addresses.join(",");
         let join = |role: &str, args: &[&str]| {
             let mut process =
@@ -291,6 +291,30 @@ fn a_server_that_is_told_to_stop_hands_over_to_the_one_that_stands_by() {
         pair.end();
         Some(joined)
     });
+}
+
+#[test]
+fn a_server_of_another_world_does_not_stand_by() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (place, data) = (etcd.place("play"), folder.path().join("0"));
+    let mut active = serve(&place, "127.0.0.1:0", &data);
+    let address = active.line("listening ");
+    let _nodes = [(); 2].map(|()| {
+        let token = token(&data, "node");
+        Process::start(&mut dcd(&["node", "--threads", "1", "--server", &address, "--token", &token]))
+    });
+    active.line("view ");
+    let other = ["serve", "tower", "--listen", "127.0.0.1:0", "--directory", &place, "--data"];
+    let refused = Process::start(dcd(&other).arg(folder.path().join("1"))).end();
+    assert_eq!(refused.code(), Some(2), "{refused:?}");
+    for part in ["another world that has not ended", "it differs in bodies", "--directory"] {
+        assert!(refused.errors.contains(part), "{refused:?}");
+    }
+    for wrong in ["data folder", "--fresh"] {
+        assert!(!refused.errors.contains(wrong), "{refused:?}");
+    }
+    assert!(active.is_running());
 }
 
 #[test]

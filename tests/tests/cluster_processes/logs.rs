@@ -9,7 +9,7 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
     let mut server = Server::start(&["pile"]);
     let token = server.token("node");
     let args = ["node", "-v", "--log-format", "json", "--server", &server.address, "--token", &token];
-    let mut node = Process::start(&mut dcd(&args));
+    let mut node = Process::start(dcd(&args).arg("--view"));
     assert_eq!(node.line("joined as "), "n1");
     server.view();
     // Messages for people, and failures, are lines of their own, whatever the filter.
@@ -39,6 +39,8 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
             "{line}"
         );
     }
+    let shown = |line: &Value| text(line, "message").is_some_and(|text| text.starts_with("view http://"));
+    assert!(lines.iter().any(shown), "{ended:?}");
     let stops = lines.iter().find(|line| text(line, "message").is_some_and(|text| text == "the node stops"));
     let stops = stops.unwrap_or_else(|| panic!("{ended:?}"));
     assert_eq!(

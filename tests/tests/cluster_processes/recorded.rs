@@ -49,6 +49,9 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
     let bodiless = diff(&server_file);
     assert_eq!(bodiless.code(), Some(1), "{bodiless:?}");
     assert!(bodiless.errors.contains("recording of a server, which has no bodies"), "{bodiless:?}");
+    let dumped = Process::start(&mut dcd(&["replay", &server_file, "--dump", "70"])).end();
+    assert!(dumped.code() == Some(1) && dumped.lines.is_empty(), "{dumped:?}");
+    assert!(dumped.errors.contains("recording of a server, which has no bodies"), "{dumped:?}");
 
     let now = Process::start(&mut dcd(&["replay", folder, "--dump", &(tick - 1).to_string()])).end();
     let ids: Vec<_> = now.lines.iter().map(|line| line.split(',').next().unwrap()).collect();

@@ -46,6 +46,13 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     assert!(gone.errors.contains("nothing.dcd") && gone.errors.contains("No such file"), "{gone:?}");
     let foreign = on(&server, "restore", &playground());
     assert!(foreign.code() == Some(1) && foreign.errors.contains("not a snapshot"), "{foreign:?}");
+    // A pipe that nobody reads from or writes to.
+    let pipe = server.folder.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for verb in ["save", "restore"] {
+        let refused = on(&server, verb, &pipe);
+        assert!(refused.code() == Some(1) && refused.errors.contains("not a regular file"), "{refused:?}");
+    }
     let nowhere = on(&server, "save", &server.folder.path().join("no/folder/x.dcd"));
     assert!(nowhere.code() == Some(1) && nowhere.errors.contains("x.dcd"), "{nowhere:?}");
     drop((witness, nodes));
@@ -53,7 +60,7 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
         std::fs::read_dir(server.data()).unwrap().map(|file| file.unwrap().file_name()).collect();
     let is_left = |name: &std::ffi::OsString| {
         let name = name.to_string_lossy();
-        name.contains("request-") || name.contains("answer-")
+        ["request-", "answer-", "asker-"].iter().any(|kind| name.contains(kind))
     };
     assert!(!left.iter().any(is_left), "{left:?}");
     server.end_world();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::metrics;
-use crate::process::{Process, Server, dcd};
+use crate::process::{LIMIT, Process, Server, dcd};
 
 #[test]
 fn the_status_of_a_world_names_each_node_and_each_region_once() {
@@ -81,6 +81,29 @@ fn a_status_needs_a_token_that_was_not_used() {
     assert!(none.errors.contains("--token"), "{none:?}");
     let nowhere = Process::start(&mut dcd(&["status", "--data", "/nowhere"])).end();
     assert!(nowhere.code() == Some(2) && nowhere.errors.contains("no server has used"), "{nowhere:?}");
+    server.stop();
+}
+
+#[test]
+fn a_status_that_is_watched_goes_on_with_a_server_that_is_started_again() {
+    let mut server = Server::playground("1");
+    let (_, _node) = server.node();
+    server.view();
+    let mut watch = dcd(&["status", "--watch", "--json", "--server", &server.address, "--data"]);
+    let mut watch = Process::start(watch.arg(server.data()));
+    watch.line("{");
+    server.process.interrupt();
+    assert_eq!(server.process.end_within(LIMIT).code(), Some(0));
+    let resumed = server.restart();
+    let tick = |line: String| -> u64 {
+        let told: serde_json::Value = serde_json::from_str(&format!("{{{line}")).unwrap();
+        told["tick"].as_u64().unwrap()
+    };
+    while tick(watch.line("{")) <= resumed {}
+    watch.interrupt();
+    let ended = watch.end();
+    assert_eq!(ended.code(), Some(130), "{ended:?}");
+    assert_eq!(ended.errors.matches("dialling it again until Ctrl-C").count(), 1, "{ended:?}");
     server.stop();
 }
 

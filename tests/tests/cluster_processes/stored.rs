@@ -261,13 +261,31 @@ fn the_files_that_stay_when_a_world_has_ended_are_those_that_help_names() {
 }
 
 #[test]
+fn a_world_whose_record_of_joins_is_lost_gives_no_name_twice_and_says_so() {
+    let mut server = Server::playground("1");
+    let (name, _node) = server.node();
+    assert_eq!(name, "n1");
+    server.view();
+    server.process.kill();
+    std::fs::remove_file(server.data().join("joins.log")).unwrap();
+    server.restart();
+    let (name, _other) = server.node();
+    assert_eq!(name, "n2");
+    server.process.interrupt();
+    let ended = server.process.end_within(LIMIT);
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.errors.contains("joins.log") && ended.errors.contains("from a backup"), "{ended:?}");
+}
+
+#[test]
 fn another_world_than_the_stored_one_is_refused() {
     let server = killed(0.0);
     let scene = playground();
     let scene = scene.to_str().unwrap();
-    let other = ["another world that has not ended", "the same scene with the same options"];
-    refused(&server, &["tower"], &other);
-    refused(&server, &[scene, "--regions", "4"], &other);
+    let other = ["another world that has not ended", "the same scene with the same options", "`dcd end`"];
+    let differs = |parts| [&other[..], &[parts]].concat();
+    refused(&server, &["tower"], &differs("it differs in bodies"));
+    refused(&server, &[scene, "--regions", "4"], &differs("(it differs in regions (--regions, --cut)"));
     // A scene of the same size, cut the same way.
     let same_size = server.folder.path().join("other.toml");
     let text = std::fs::read_to_string(scene).unwrap();

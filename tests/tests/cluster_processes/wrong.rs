@@ -51,7 +51,11 @@ fn a_server_that_cannot_start_says_why() {
     assert!(!fresh.exists(), "a server that cannot listen leaves no folder behind");
     let server = Server::start(&["tower"]);
     let data = server.data();
-    let answer = data.join("answer-1");
+    let [answer, asker, part] = ["answer-1", "asker-1", "part"].map(|name| data.join(name));
+    // Who asked waits still, which its lock says.
+    let waits = std::fs::File::create(&part).unwrap();
+    waits.lock().unwrap();
+    std::fs::rename(&part, &asker).unwrap();
     std::fs::write(&answer, "done\nsaved").unwrap();
     let said = error(&["serve", "tower", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()], 1);
     has(&said, &["another server is running with the data folder", "choose another folder"]);
@@ -90,9 +94,40 @@ fn a_folder_that_cannot_be_looked_into_is_not_taken_for_an_empty_one() {
     ] {
         let ended = Process::start(dcd(args).arg("--data").arg(&data)).end();
         assert!(ended.code() != Some(0) && ended.errors.contains("cannot use"), "{args:?}: {ended:?}");
+        assert!(ended.errors.contains("ask as the user that the server runs as"), "{args:?}: {ended:?}");
         for wrong in ["keeps no world", "no server runs", "no server has used", "no server serves"] {
             assert!(!ended.errors.contains(wrong), "{args:?}: {ended:?}");
         }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn who_dials_a_server_that_says_nothing_ends_at_once_when_it_is_told_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let token = |role: &str| {
+        let mut token = dcd(&["token", "--new", "--role", role, "--data"]);
+        Process::start(token.arg(folder.path())).end().lines[0].clone()
+    };
+    let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
+    silent.set_read_timeout(Some(LIMIT)).unwrap();
+    let address = silent.local_addr().unwrap().to_string();
+    for (command, role, signal) in
+        [("node", "node", "-INT"), ("client", "client", "-TERM"), ("status", "client", "-HUP")]
+    {
+        let token = token(role);
+        let mut dials = Process::start(&mut dcd(&[command, "--server", &address, "--token", &token]));
+        silent.recv(&mut [0; 2_048]).unwrap();
+        dials.signal(signal);
+        let asked = Instant::now();
+        let ended = dials.end_within(LIMIT);
+        assert_eq!(ended.code(), Some(130), "{command}: {ended:?}");
+        // It would dial for ten seconds.
+        assert!(asked.elapsed() < Duration::from_secs(8), "{command}: {:?}", asked.elapsed());
+        // What it sent until then is not taken for the next one's.
+        silent.set_nonblocking(true).unwrap();
+        while silent.recv(&mut [0; 2_048]).is_ok() {}
+        silent.set_nonblocking(false).unwrap();
     }
 }
 

@@ -83,6 +83,9 @@ impl Replay {
         let interrupt = Interrupt::listen()?;
         let again = || open(&self.files, self.threads, self.flip, common);
         let mut replay = again()?;
+        if self.dump.is_some() {
+            check_bodies(&replay, &self.files[0], "print")?;
+        }
         let until = Tick(self.dump.or(self.until).unwrap_or(u64::MAX));
         if let Some(at) = self.view {
             let shown = seen::Shown { files: files(&self.files)?, until, check: self.check };
@@ -152,6 +155,18 @@ impl Replay {
         let parts = self.check && replay.mismatch().is_some();
         Ok(if parts { ExitCode::FAILURE } else { interrupt.exit_code() })
     }
+}
+
+/// Checks that a replay has bodies to do this with: a server's recording alone has none.
+pub(super) fn check_bodies(replay: &Worlds, path: &Path, what: &str) -> Result<(), Failure> {
+    if replay.members().any(|member| member.who() != Who::Server) {
+        return Ok(());
+    }
+    let path = path.display();
+    Err(Failure::run(format!(
+        "{path} is the recording of a server, which has no bodies to {what}: give the folder that has those of its nodes too; \
+         dcd replay --check checks what the server sent and stored"
+    )))
 }
 
 /// Returns which ticks are on record, for a user who asked for others.

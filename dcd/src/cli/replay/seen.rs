@@ -47,7 +47,7 @@ impl Shown {
         let last = self.files.iter().filter_map(|file| last_recorded_tick(file).ok()).max();
         let last = last.unwrap_or(first).min(self.until).max(first);
         let name = self.files[0].file_name().map_or_else(String::new, |name| name.display().to_string());
-        let mut viewer = view::open(at, &name)?.with_recording([first.0, last.0]);
+        let mut viewer = view::open(at, &name, common)?.with_recording([first.0, last.0]);
         let (mut goal, mut told) = (None::<Tick>, false);
         step(&mut replay, first).map_err(fails)?;
         loop {

@@ -107,8 +107,8 @@ impl Run {
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
         let mut camera = self.film.open()?;
-        let mut viewer =
-            self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
+        let viewer = self.view.map(|at| view::open(at, &cast.name, common));
+        let mut viewer = viewer.transpose()?.map(Viewer::with_controls);
         if let (Some(path), Subject::Regions(world)) = (&self.record, &mut subject) {
             let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", path.display()));
             let file = Background::create(path).map_err(|error| fails(error.into()))?;

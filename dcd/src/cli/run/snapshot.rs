@@ -1,7 +1,7 @@
 //! Saves and restores worlds of the command line as snapshots.
 
 use std::fs::{self, File};
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -50,9 +50,17 @@ impl Target {
 
 /// Returns whether this path is that of a snapshot, by its extension or its content.
 pub(in crate::cli) fn is_one(path: &str) -> bool {
+    path.ends_with(".dcd") || begins_as_one(Path::new(path)).unwrap_or(false)
+}
+
+fn begins_as_one(path: &Path) -> io::Result<bool> {
+    // Nobody may ever write to a pipe.
+    if !path.metadata()?.is_file() {
+        return Ok(false);
+    }
     let mut beginning = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(8).read_to_end(&mut beginning));
-    path.ends_with(".dcd") || read.is_ok() && LocalWorld::is_snapshot(&beginning)
+    File::open(path)?.take(8).read_to_end(&mut beginning)?;
+    Ok(LocalWorld::is_snapshot(&beginning))
 }
 
 pub(in crate::cli) fn restore(path: &str, threads: usize, common: &Common) -> Result<LocalWorld, Failure> {

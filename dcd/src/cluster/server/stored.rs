@@ -1,6 +1,9 @@
 //! Stores the server's state in the directory, and restores a server from it. Thesis 4.3.3 assumes that the
 //! server never fails; this one may.
 
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) mod summary;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
@@ -33,8 +36,8 @@ pub enum RestoreError {
     NoWorld,
     /// The stored world is not the one that the server is to serve.
     #[error(
-        "the data folder holds another world that has not ended: serve the same scene with the same options to go on with \
-         it, forget it (--fresh), or choose another folder"
+        "what is stored is another world that has not ended: serve the same scene with the same options to go on with it, \
+         end it (`dcd end`), forget it (--fresh), or choose another folder"
     )]
     OtherWorld,
     /// An entry cannot be read.

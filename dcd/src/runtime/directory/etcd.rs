@@ -18,6 +18,7 @@
 
 mod address;
 mod gateway;
+mod glance;
 mod journal;
 mod keys;
 mod lease;
@@ -36,6 +37,7 @@ use self::lease::Lease;
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
 
 pub(super) use self::address::EtcdAddress;
+pub(super) use self::glance::Glance;
 pub(super) use self::journal::EtcdJournal;
 pub(super) use self::lease::Wait;
 

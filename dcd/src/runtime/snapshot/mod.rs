@@ -145,8 +145,12 @@ impl LocalWorld {
         written
     }
 
-    /// Opens a file for [`LocalWorld::restore`] or [`LocalWorld::reload`].
+    /// Opens a file for [`LocalWorld::restore`] or [`LocalWorld::reload`]. Devices, pipes and folders are
+    /// refused: some never end.
     pub fn open_snapshot(path: &Path) -> Result<impl Read + use<>, SnapshotError> {
+        if !fs::metadata(path)?.is_file() {
+            return Err(irregular());
+        }
         Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
 
@@ -161,12 +165,13 @@ impl LocalWorld {
 fn place_of(path: &Path) -> Result<PathBuf, SnapshotError> {
     match fs::metadata(path) {
         Ok(found) if found.is_file() => Ok(fs::canonicalize(path)?),
-        Ok(_) => {
-            Err(io::Error::new(io::ErrorKind::InvalidInput, "there is something that is not a regular file")
-                .into())
-        }
+        Ok(_) => Err(irregular()),
         Err(_) => Ok(path.to_owned()),
     }
+}
+
+fn irregular() -> SnapshotError {
+    io::Error::new(io::ErrorKind::InvalidInput, "there is something that is not a regular file").into()
 }
 
 #[derive(Serialize)]

@@ -82,7 +82,13 @@ impl Keys {
     }
 
     pub(super) fn unreadable(&self, error: &GatewayError) -> DirectoryError {
-        DirectoryError::Unreadable { place: self.place(), cause: error.to_string() }
+        let (place, cause) = (self.place(), error.to_string());
+        match error {
+            GatewayError::Away(_) => DirectoryError::Unreachable { place, cause },
+            GatewayError::Refused(_) | GatewayError::Unknown(_) => {
+                DirectoryError::Unreadable { place, cause }
+            }
+        }
     }
 }
 

@@ -75,6 +75,26 @@ fn it_does_what_a_directory_does() {
     conformance::all(&new, &reopen);
 }
 
+#[test]
+fn who_stands_by_sees_the_world_that_another_server_holds_as_it_was_stored_last() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    let place = etcd.place("glance");
+    let seen = || Glance::at(&world(&place)).world();
+    assert_eq!(seen(), None);
+    let mut directory = open(&place, "one");
+    let mut store = |value: Option<u8>| {
+        let writes = vec![(Key::World, value.map(|value| vec![value]))];
+        directory.commit(&Batch { writes, durable: true }, &[]).unwrap();
+        directory.commit(&body(1, 1, true), &[]).unwrap();
+    };
+    for value in [1, 2] {
+        store(Some(value));
+        assert_eq!(seen(), Some(vec![value]));
+    }
+    store(None);
+    assert_eq!(seen(), None);
+}
+
 /// Returns a batch larger than a transaction of etcd, in bytes and in number, with values larger than etcd
 /// takes.
 fn large(stamp: u8) -> Batch {

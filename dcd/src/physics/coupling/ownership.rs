@@ -601,13 +601,13 @@ fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
     any
 }
 
-/// Returns whether a body can be transferred at once without loss: it is awake, no other region holds it, and
-/// nothing touches it or is tied to it. A character would stand still in its first tick there: its new owner
-/// holds it first.
+/// Returns whether a body can be transferred at once without loss: it is dynamic and awake, no other region holds
+/// it, and nothing touches it or is tied to it. A character would stand still in its first tick there, and what a
+/// platform carries may stay here: their new owner holds them first.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
-    let asleep = region.physics().bodies[handle].is_sleeping();
-    let slot = region.slot(handle);
-    slot.holders.is_empty() && slot.traits.character.is_none() && !asleep && !region.is_pressed(handle)
+    let body = &region.physics().bodies[handle];
+    let is_free = region.slot(handle).holders.is_empty() && !region.is_pressed(handle);
+    body.is_dynamic() && !body.is_sleeping() && is_free
 }
 
 /// Sends a body that no other region holds to its new owner, whole. The caller must remove it here.

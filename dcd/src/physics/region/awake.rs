@@ -103,11 +103,15 @@ impl Region {
         let mut woken = Vec::with_capacity(newcomers.len());
         for handle in newcomers {
             let body = self.world.bodies.get_mut(handle);
-            if let Some(body) = body.filter(|body| body.is_dynamic() && body.is_sleeping()) {
-                // Weakly: it has been still for long enough, and has not moved since, wherever Rapier takes it
-                // to have been.
+            // What is to fly on when it wakes would fly on now.
+            let is_still = |body: &RigidBody| (body.linvel(), body.angvel()) == (Vector::ZERO, Vector::ZERO);
+            let sleeps = |body: &RigidBody| body.is_dynamic() && body.is_sleeping() && is_still(body);
+            if let Some(body) = body.filter(|body| sleeps(body)) {
                 body.wake_up(false);
                 let activation = body.activation_mut();
+                // It has been still for long enough, and has not moved since, wherever Rapier takes it to have
+                // been.
+                activation.time_since_can_sleep = activation.time_until_sleep;
                 let thresholds =
                     [&mut activation.normalized_linear_threshold, &mut activation.angular_threshold];
                 woken.push((handle, thresholds.map(|threshold| std::mem::replace(threshold, f32::INFINITY))));

@@ -2741,7 +2741,11 @@ DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius
 // has at least 99 % of the volume of all.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (points out of range or that span no volume).
-DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
+DCD_API
+DcdStatus dcd_shape_hull(DcdWorld world,
+                         const float *xyz,
+                         size_t count,
+                         DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles. `xyz` holds 3 × vertex_count floats, metres. `indices` holds 3 × triangle_count
 // indices: each triangle has three indices below `vertex_count`, counter-clockwise seen from outside. Triangles without area are
@@ -3282,7 +3286,10 @@ DcdStatus dcd_shape_part(DcdWorld world,
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT.
 // - DCD_ERR_ARGUMENT: a member out of range, a limit or motor of a joint without an axis of its own, twice the same body, or two
 //   fixed bodies.
-DCD_API DcdStatus dcd_joint_create(DcdWorld world, const DcdJointDef *def, DcdJointId *out);
+DCD_API
+DcdStatus dcd_joint_create(DcdWorld world,
+                           const DcdJointDef *def,
+                           DcdJointId *out);
 
 // Destroys a joint and wakes its bodies.
 //

@@ -281,6 +281,26 @@ fn it_rides_on_what_moves() {
     }
 }
 
+/// A long platform goes over a border some metres before what stands at its back, or after what stands at its front.
+#[test]
+fn whoever_rides_on_a_long_platform_goes_along_over_borders() {
+    for (name, mut world) in worlds() {
+        let platform = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(6.0, 0.0, 0.0));
+        let deck = ColliderBuilder::cuboid(3.0, 0.25, 1.0);
+        let platform = world.insert_at(WorldPose::at([-6.0, 1.0, 0.3]), platform, [deck]).unwrap();
+        let riders = [-2.0, 0.0, 2.0].map(|x| walker(&mut world, [x - 6.0, 1.25 + STANDS_M, 0.3]));
+        run(&mut world, 10);
+        let off = |world: &World| riders.map(|id| place(world, id)[0] - place(world, platform)[0]);
+        let before = off(&world);
+        run(&mut world, 120);
+        assert!(place(&world, platform)[0] > 5.0, "the test needs it to cross the border");
+        for (after, before) in off(&world).into_iter().zip(before) {
+            let slipped = after - before;
+            assert!(slipped.abs() < 0.02, "{name}: it slipped by {slipped} m at {before} m");
+        }
+    }
+}
+
 #[test]
 fn it_is_lifted_and_shoved_and_not_passed_through() {
     for (name, mut world) in worlds() {

@@ -208,3 +208,44 @@ impl Region {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::{LocalWorld, WorldConfig};
+
+    /// A body is born disabled, or is disabled later; it is enabled, and all else is done in the same tick.
+    #[test]
+    fn a_body_that_is_enabled_has_its_mass_and_its_colliders_at_once() {
+        for is_born_disabled in [true, false] {
+            let mut config = WorldConfig::default();
+            config.step.gravity = [0.0; 3];
+            let mut world = LocalWorld::new(config).unwrap();
+            let body = RigidBodyBuilder::dynamic().enabled(!is_born_disabled);
+            let id = world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(2.0)).unwrap();
+            world.step().unwrap();
+            world.update(id, |body| body.set_enabled(false)).unwrap();
+            world.step().unwrap();
+            world.update(id, |body| body.set_enabled(true)).unwrap();
+            world.update(id, |body| body.apply_impulse(Vector::X * 6.0, true)).unwrap();
+            world.update_collider(id, 0, |collider| collider.set_friction(0.9)).unwrap();
+            let is_enabled =
+                |world: &LocalWorld| world.host().record(id).unwrap().traits.colliders[0].enabled;
+            assert!(is_enabled(&world));
+            for _ in 0..2 {
+                let (region, handle) = world.host().owned(id).unwrap();
+                let body = &region.physics().bodies[handle];
+                assert_eq!((body.mass(), body.linvel().x), (2.0, 3.0));
+                world.step().unwrap();
+            }
+            // While its body is disabled, a collider is told as its user has it.
+            world.update(id, |body| body.set_enabled(false)).unwrap();
+            world.step().unwrap();
+            for enabled in [false, true, false] {
+                world.update_collider(id, 0, |collider| collider.set_enabled(enabled)).unwrap();
+                assert_eq!(is_enabled(&world), enabled);
+                world.step().unwrap();
+            }
+        }
+    }
+}

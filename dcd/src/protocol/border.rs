@@ -61,6 +61,8 @@ pub struct CopyState {
     pub island: BodyId,
     /// The regions that hold all bodies of that island.
     pub held_by: RegionSet,
+    /// Says whether anything in that island touches something that no contact moves.
+    pub grounded: bool,
 }
 
 /// An impulse that a copy got since the last exchange from a body that is not held by the same regions, or

@@ -191,7 +191,11 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     shared.strayed_m_s = strayed_m_s;
     let struck = strike::struck(body, &copy, rank, &mut strikes).filter(|_| body.is_dynamic());
     let velocities = copies().map(|(_, copy)| &copy.velocity);
-    let struck = struck.map(|struck| strike::bounded(&copy.velocity, &struck, velocities));
+    let is_grounded = copies().any(|(_, copy)| copy.grounded);
+    let struck = struck.map(|struck| match is_grounded {
+        true => strike::bounded(&copy.velocity, &struck, velocities),
+        false => struck,
+    });
     region.slot_mut(link.handle).led_by = Some(rank);
     region.push(link.handle, Vector::ZERO, Vector::ZERO);
     region.restart_copy(link.handle);

@@ -90,6 +90,8 @@ pub(super) struct Island {
     name: Option<BodyId>,
     /// Says whether something touches it or ties it together.
     pub pressed: bool,
+    /// Says whether it touches something that no contact moves.
+    grounded: bool,
     /// Says whether it is to be whole, by the sizes of its parts; as it was, until these are summed up.
     whole: bool,
     /// Ticks for which the sizes of its parts have contradicted `whole`.
@@ -143,6 +145,12 @@ impl Islands {
         self.of(handle).map_or(1, |island| {
             if island.big { BIG_ISLAND } else { told(island.members.len() + island.ghosts) }
         })
+    }
+
+    /// Returns whether anything in a body's island, as far as this region owns it, touches something that no
+    /// contact moves.
+    pub(super) fn is_grounded(&self, handle: RigidBodyHandle) -> bool {
+        self.of(handle).is_some_and(|island| island.grounded)
     }
 
     /// Returns the name of this region's part of a body's island, for the regions that hold the body.
@@ -337,6 +345,7 @@ impl Islands {
                 Ownership::Owner => {
                     island.members.push(BodyRef { id: slot.id, handle });
                     island.pressed = island.pressed || region.is_pressed(handle);
+                    island.grounded = island.grounded || region.is_grounded(handle);
                     island.whole |= slot.whole;
                     island.doubt = island.doubt.max(slot.doubt);
                     let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
@@ -482,6 +491,7 @@ impl Island {
         self.members.extend(other.members);
         self.ghosts += other.ghosts;
         self.pressed |= other.pressed;
+        self.grounded |= other.grounded;
         self.beside.extend(other.beside);
         self.unheard.extend(other.unheard);
     }

@@ -55,8 +55,8 @@ pub(super) fn on_its_way(
 /// owner has asked for them at the last one.
 pub(super) fn outruns(region: &Region, moment: Moment<'_>, link: BodyRef, owner: usize) -> bool {
     let (partition, dt_s) = (moment.partition, moment.settings.dt_s);
-    let velocity = region.physics().bodies[link.handle].linvel();
-    if !is_fast(region, link.handle, velocity, dt_s) {
+    let body = region.physics().bodies.get(link.handle);
+    if !body.is_some_and(|body| is_fast(region, link.handle, body.linvel(), dt_s)) {
         return false;
     }
     // It arrives in the next tick, and is compared with what is there in the one after.

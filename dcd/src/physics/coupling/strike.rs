@@ -157,9 +157,8 @@ pub(super) fn struck(
 }
 
 /// Returns the velocity of a leader's copy after impulses that it did not find, but along the change no faster
-/// than the fastest copy. What lies between a heavy body and the ground, or is caught by several bodies of which
-/// each region sees one, would be flung away otherwise: the impulses of several regions stop it more than once,
-/// and what would answer them is in none of them.
+/// than the fastest copy. What lies between a heavy body and the ground would be flung away otherwise, and the
+/// heavy body would be stopped by each region anew: what the ground answers is in none of these impulses.
 pub(super) fn bounded<'a>(
     copy: &Velocity,
     struck: &Velocity,

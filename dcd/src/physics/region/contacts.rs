@@ -121,6 +121,21 @@ impl Region {
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
     }
 
+    /// Returns whether a body touches something that no contact moves.
+    pub(in crate::physics) fn is_grounded(&self, handle: RigidBodyHandle) -> bool {
+        let rests_on = |pair: &ContactPair| {
+            [pair.collider1, pair.collider2].into_iter().any(|collider| {
+                let parent = self.world.colliders.get(collider).and_then(Collider::parent);
+                parent.is_none_or(|parent| !self.world.bodies[parent].is_dynamic())
+            })
+        };
+        let touches = |&collider: &ColliderHandle| {
+            let mut pairs = self.world.narrow_phase.contact_pairs_with(collider);
+            pairs.any(|pair| pair.has_any_active_contact() && rests_on(pair))
+        };
+        self.world.bodies[handle].colliders().iter().any(touches)
+    }
+
     /// Returns whether anything is near enough to a body to touch it, or a joint ties it.
     pub(in crate::physics) fn may_collide(&self, handle: RigidBodyHandle) -> bool {
         let is_near = |&collider: &ColliderHandle| {

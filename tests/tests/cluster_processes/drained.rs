@@ -85,6 +85,8 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
     assert!(gone.code() == Some(1) && gone.errors.contains("has left the world already"), "{gone:?}");
     // Stands for a request of root under the umask 077, which the server cannot read. The tests may run as
     // root themselves, so the content is unreadable instead.
+    let asker = std::fs::File::create(data.join("asker-0")).unwrap();
+    asker.lock().unwrap();
     std::fs::write(data.join("request-0"), [0xff]).unwrap();
     let answer = data.join("answer-0");
     let asked = Instant::now();

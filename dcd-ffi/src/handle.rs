@@ -72,7 +72,7 @@ pub(crate) struct LookedUp {
     slots: BTreeMap<ShapeHash, u64>,
     /// The shape that each handle is of.
     shapes: BTreeMap<u64, ShapeHash>,
-    /// How many there were when unused ones were last forgotten.
+    /// The number of handles when unused ones were last forgotten.
     kept: usize,
 }
 

@@ -172,7 +172,7 @@ pub enum DirectoryError {
     Unreachable {
         /// The place of the directory.
         place: String,
-        /// What the system said.
+        /// The words of the system.
         cause: String,
     },
     /// The content of the directory contradicts itself.

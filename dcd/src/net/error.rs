@@ -26,7 +26,7 @@ pub enum NetError {
         path: PathBuf,
         /// What is wrong with it.
         what: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: &'static str,
     },
     /// Another server runs with the same data folder.

@@ -111,6 +111,7 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
 
 /// Holds in place for a tick the bodies that fly into other regions and that nobody has been told of.
 pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
+    // Other processes do not know of these, and cannot meet for them.
     expect(side, moment);
     let Side { region, border, .. } = side;
     border.held_back.clear();

@@ -546,7 +546,7 @@ impl RegionHost {
     }
 
     /// Marks bodies to be announced that their user sped up since the last step and that fly into other
-    /// regions at once. All regions meet if one flies far.
+    /// regions soon. All regions meet if one flies far.
     fn expect_launched(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());

@@ -83,7 +83,7 @@ fn spread(points: &[Vector]) -> Vec<Vector> {
 /// Returns the hull with its faces as Parry merges them, if they are polygons that Parry merges likewise again,
 /// and if little of the `whole` volume is lost.
 fn settled(points: &[Vector], triangles: &[[u32; 3]], whole: f64) -> Option<ConvexPolyhedron> {
-    /// How often faces are merged anew. They mostly stay as they are.
+    /// The most times that faces are merged anew. They mostly stay as they are.
     const TRIES: usize = 4;
     let mut triangles = triangles.to_vec();
     for _ in 0..TRIES {
@@ -103,7 +103,7 @@ fn settled(points: &[Vector], triangles: &[[u32; 3]], whole: f64) -> Option<Conv
 /// Returns the hull without the corners at which merged faces are no polygons, if little of the `whole` volume
 /// is lost.
 fn smoothed(points: &[Vector], triangles: &[[u32; 3]], whole: f64) -> Option<ConvexPolyhedron> {
-    /// How often corners are taken away.
+    /// The most times that corners are taken away.
     const ROUNDS: usize = 16;
     let (mut points, mut triangles) = (points.to_vec(), triangles.to_vec());
     for _ in 0..ROUNDS {

@@ -6,7 +6,7 @@ use super::keys::Keys;
 use super::{EtcdWorld, Head, segment, segment_name};
 use crate::cluster::directory::Key;
 
-/// How often a world is looked at that is not stored yet.
+/// The time between two looks at a world that is not stored yet.
 const EVERY: Duration = Duration::from_secs(5);
 /// How many segments are looked through, from the newest on. Nearly each has the world's entry.
 const SEGMENTS: usize = 8;

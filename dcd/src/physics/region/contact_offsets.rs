@@ -66,6 +66,11 @@ impl Region {
         let moves = |(_, body): &(RigidBodyHandle, &RigidBody)| !body.is_fixed() && body.is_enabled();
         let bodies = self.world.bodies.iter().filter(moves);
         let kept: Vec<_> = bodies.map(|(handle, body)| (handle, body.clone())).collect();
+        let sleeps = |(_, body): &&(RigidBodyHandle, RigidBody)| body.is_dynamic() && body.is_sleeping();
+        let sleepers: Vec<_> = kept.iter().filter(sleeps).map(|(handle, _)| *handle).collect();
+        // Their contacts are found as all others are.
+        self.born_asleep.clear();
+        sleepers.iter().for_each(|handle| self.world.bodies[*handle].wake_up(false));
         for &(handle, pose) in lay {
             // A disabled body is not put back, and touches nothing.
             if !self.world.bodies[handle].is_enabled() {
@@ -85,6 +90,12 @@ impl Region {
             kept.iter().for_each(|(handle, was)| self.put_back(*handle, was));
             for handle in self.world.quarantine().bodies().to_vec() {
                 self.set_aside(handle);
+            }
+        }
+        // What is quarantined is not there any more.
+        for handle in sleepers {
+            if let Some(body) = self.world_mut().bodies.get_mut(handle) {
+                body.sleep();
             }
         }
         self.quarantined_before = !self.quarantined.is_empty();
@@ -299,6 +310,10 @@ mod tests {
     /// Makes a world of one region with a floor and bodies of 1 m, given by place, upward speed and
     /// restitution: balls if the restitution is above 0, else boxes.
     fn world_of(bodies: &[([f64; 3], f32, f32)]) -> RegionHost {
+        world_of_sleepers(bodies, false)
+    }
+
+    fn world_of_sleepers(bodies: &[([f64; 3], f32, f32)], can_sleep: bool) -> RegionHost {
         let tree = DistributionTree::halved(Bounds::around([0.0; 3], [50.0; 3]), 1).unwrap();
         let leaves: Vec<_> = tree.leaves().collect();
         let step = StepSettings::default();
@@ -307,7 +322,7 @@ mod tests {
         let slab = ColliderBuilder::cuboid(50.0, 0.5, 50.0).restitution(1.0);
         let mut all = vec![host.shapes_mut().describe(BodyId::persistent(0), top, &floor, &[slab]).unwrap()];
         for (id, &(at, rise_m_s, restitution)) in (1..).zip(bodies) {
-            let body = RigidBodyBuilder::dynamic().linvel(Vector::Y * rise_m_s).can_sleep(false).build();
+            let body = RigidBodyBuilder::dynamic().linvel(Vector::Y * rise_m_s).can_sleep(can_sleep).build();
             let shape = match restitution > 0.0 {
                 true => ColliderBuilder::ball(0.5).restitution(restitution),
                 false => ColliderBuilder::cuboid(0.5, 0.5, 0.5)
@@ -467,6 +482,28 @@ mod tests {
             assert_eq!(before.traits.enabled, id == ids[0]);
             assert_eq!(before.state.pose, after.state.pose, "{id}");
         }
+    }
+
+    #[test]
+    fn what_sleeps_stays_where_it_is_however_often_another_process_takes_over() {
+        let lies = |x: f64, y: f64| ([x, y, 0.0], 0.0, 0.0);
+        let mut host =
+            world_of_sleepers(&[lies(0.0, 0.5), lies(5.0, 0.5), lies(9.0, 0.5), lies(9.0, 1.5)], true);
+        let poses =
+            |host: &RegionHost| host.states().map(|(_, _, pose, _)| pose.translation).collect::<Vec<_>>();
+        (0..300).for_each(|_| host.step().unwrap());
+        let before = poses(&host);
+        for known in [true, false] {
+            for _ in 0..5 {
+                assert!(host.awake_bodies().is_empty(), "known: {known}");
+                host = handed_over(&host, |body| if known { body } else { forgetful(body) });
+                (0..30).for_each(|_| host.step().unwrap());
+            }
+        }
+        let moved_m =
+            |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
+        let worst_m = before.iter().zip(&poses(&host)).map(moved_m).fold(0.0, f64::max);
+        assert!(worst_m < 1e-4, "{worst_m} m");
     }
 
     #[test]

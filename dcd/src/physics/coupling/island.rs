@@ -32,6 +32,9 @@ const STAY: f32 = 0.25;
 /// it.
 const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
+/// How many times as large as another island one must be for that one alone to be held by the regions of both
+/// when they meet.
+const OUTWEIGHS: u16 = 2;
 /// Ticks from when a region finds its islands until its neighbours have used the parts that it sent.
 const TICKS_PER_HOP: u32 = 2;
 
@@ -470,7 +473,7 @@ impl Island {
     /// Returns whether regions with less of it need not hold any of its bodies owned here: this region leads
     /// the island, and the bodies of it that those regions own move here.
     pub(super) fn draws(&self, own: usize) -> bool {
-        self.large && !self.big && self.target == own
+        !self.big && self.target == own && (self.large || !self.elsewhere.is_empty())
     }
 
     /// Returns the lowest id in it, and the regions that hold all of it.
@@ -613,6 +616,12 @@ impl Island {
     }
 }
 
+/// Returns whether an island of so many bodies is so much larger than another that what they solve together is
+/// solved where the larger one is. No split island is larger or smaller than another.
+pub(super) fn outweighs(one: u16, other: u16) -> bool {
+    one < BIG_ISLAND && other > 0 && one >= other.saturating_mul(OUTWEIGHS)
+}
+
 /// Returns a number of bodies as it is sent: clamped, so that it is not mistaken for [`BIG_ISLAND`].
 fn told(count: usize) -> u16 {
     count.clamp(1, usize::from(BIG_ISLAND) - 1) as u16
@@ -635,6 +644,17 @@ mod tests {
     use crate::physics::shapes::ShapeLibrary;
     use crate::protocol::WorldPose;
     use crate::space::{Bounds, Cell, RegionId};
+
+    #[test]
+    fn of_two_islands_at_most_one_outweighs_the_other_and_none_a_split_one() {
+        for one in [1, 2, 7, 300, BIG_ISLAND - 1] {
+            for other in [0, 1, 2, 7, 300, BIG_ISLAND] {
+                assert!(!(outweighs(one, other) && outweighs(other, one)), "{one}, {other}");
+            }
+            assert!(!outweighs(BIG_ISLAND, one));
+        }
+        assert!(outweighs(40, 1) && !outweighs(1, 1) && !outweighs(40, BIG_ISLAND) && !outweighs(40, 0));
+    }
 
     #[test]
     fn a_body_in_the_place_of_another_is_not_in_its_island() {

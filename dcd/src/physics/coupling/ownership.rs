@@ -159,11 +159,14 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
-    let Border { reach, islands, pace, predicted, .. } = border;
+    let Border { reach, islands, pace, predicted, shared, .. } = border;
     let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
-    let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !draws(*handle));
+    let large = |handle| draws(handle) && islands.of(handle).is_some_and(|island| island.large);
+    let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !large(*handle));
     // Of two islands that would both be kept at home, each is sent to the other's region.
-    let is_sent = |meeting: &Meeting, handle| meeting.island > 0 && (meeting.stays || !draws(handle));
+    let is_sent = |meeting: &Meeting, handle| {
+        meeting.island > 0 && !meeting.outweighs() && (meeting.stays || !draws(handle))
+    };
     let met = predicted.meetings.iter().filter_map(|meeting| {
         let handle = region.handle_of(meeting.own)?;
         is_sent(meeting, handle).then_some((handle, meeting.rank))
@@ -177,7 +180,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, islands, depth, leaving, met);
+    reach.spread(region, islands, shared, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border, moment);

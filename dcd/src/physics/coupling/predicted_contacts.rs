@@ -7,6 +7,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::island;
 use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
 use super::sweep::for_each_overlap;
 use super::{Border, Moment};
@@ -74,6 +75,8 @@ pub(super) struct Near {
     pub island: u16,
     /// Says whether this region keeps its island at home.
     stays: bool,
+    /// Says whether it goes by no island: a part of a multibody, a character or a vehicle.
+    rooted: bool,
     /// Says whether it is a part of a multibody.
     articulated: bool,
 }
@@ -87,7 +90,7 @@ impl Near {
             velocity: self.velocity.to_array(),
             awake: self.awake,
             island: self.island,
-            stays: self.stays || self.articulated,
+            stays: self.stays || self.rooted,
             articulated: self.articulated,
             goes: RegionSet::EMPTY,
         }
@@ -104,17 +107,27 @@ impl Near {
 pub(super) struct Meeting {
     /// The body owned here.
     pub own: BodyId,
+    /// The size of its island as sent to the other region; 0 if the other body sleeps.
+    own_island: u16,
     /// Rank of the other body's owner.
     pub rank: usize,
     /// The size of the other body's island, in bodies that its region owns; 1 for a character and for a
     /// kinematic part of a multibody, 0 for any other body that no contact moves.
     pub island: u16,
-    /// Says whether the other body stays in its region, with its island or as a part of a multibody.
+    /// Says whether the other body stays in its region, whatever it meets.
     pub stays: bool,
     /// Says whether the other body is a part of a multibody.
     pub articulated: bool,
     /// Regions that hold the other body, or may come to own it soon.
     pub goes: RegionSet,
+}
+
+impl Meeting {
+    /// Returns whether the island of the body owned here is so much larger than the other one that only that
+    /// one is to be held by both regions. Both regions know the same sizes.
+    pub(super) fn outweighs(self) -> bool {
+        !self.stays && island::outweighs(self.own_island, self.island)
+    }
 }
 
 impl PredictedContacts {
@@ -170,7 +183,9 @@ impl PredictedContacts {
             for_each_overlap(&shown[rank].bodies, &seen[rank].bodies, f64::from(*ahead_s), |own, other| {
                 if own.awake || other.awake {
                     let NearbyBody { island, stays, articulated, goes, .. } = *other;
-                    meetings.push(Meeting { own: own.id, rank, island, stays, articulated, goes });
+                    // What else belongs to a sleeping body's island is not known.
+                    let (own, own_island) = (own.id, if other.awake { own.island } else { 0 });
+                    meetings.push(Meeting { own, own_island, rank, island, stays, articulated, goes });
                 }
             });
         }
@@ -516,6 +531,7 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let velocity = region.heading(link.handle, velocity);
     let swept = bounds.swept(velocity.to_array(), f64::from(ahead_s));
+    let (traits, articulated) = (&region.slot(link.handle).traits, region.is_articulated(link.handle));
     Near {
         link,
         bounds,
@@ -525,7 +541,8 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
         awake: true,
         island: 1,
         stays: false,
-        articulated: region.is_articulated(link.handle),
+        rooted: articulated || traits.character.is_some() || traits.vehicle.is_some(),
+        articulated,
     }
 }
 

@@ -4,7 +4,8 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::{Island, Islands};
+use super::island::{self, Island, Islands};
+use super::shared::SharedBodies;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::BodyKind;
@@ -41,11 +42,19 @@ impl Reach {
         &mut self,
         region: &Region,
         islands: &Islands,
+        shared: &SharedBodies,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
     ) {
         let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
+        let outweighs = |other, ghost: RigidBodyHandle| {
+            let slot = region.slot(ghost);
+            let Ownership::Replica { owner } = slot.role else { return false };
+            let size = shared.get(ghost).and_then(|shared| shared.awake_size_in(owner));
+            let is_led_elsewhere = slot.led_by.is_some_and(|rank| rank != owner && rank != region.rank());
+            !is_led_elsewhere && size.is_some_and(|size| island::outweighs(islands.size(other), size))
+        };
         for handle in self.reached.drain(..) {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
@@ -68,7 +77,7 @@ impl Reach {
                 let (handle, set) = self.frontier[index];
                 if passes_on(region, handle) {
                     region.for_each_neighbour(handle, |other| {
-                        if !region.is_articulated(other) && !draws(other) {
+                        if !region.is_articulated(other) && !draws(other) && !outweighs(other, handle) {
                             self.mark(other, set);
                         }
                     });
@@ -154,9 +163,52 @@ fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use rapier3d::prelude::*;
+
+    use crate::physics::Measured;
     use crate::physics::host::processes::Processes;
-    use crate::runtime::WorldConfig;
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
+    use crate::space::{Axis, BodyId};
+
+    /// A train lies across a border, and most of it in the first region, which so owns all of it. A ball that hits
+    /// it beyond the border is all that both regions hold.
+    #[test]
+    fn a_region_whose_ball_hits_a_train_of_another_region_holds_none_of_the_train() {
+        let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+        let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
+        config.step.gravity = [0.0; 3];
+        let mut world = LocalWorld::new(config).unwrap();
+        let wagon = |i: i32| {
+            let body = RigidBodyBuilder::dynamic().can_sleep(false);
+            let body = body.translation(Vector::X * (-8.0 + 1.04 * i as f32));
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+        };
+        let train: Vec<BodyId> = (0..12).map(wagon).collect();
+        for pair in train.windows(2) {
+            let hook =
+                SphericalJointBuilder::new().local_anchor1(Vector::X * 0.52).local_anchor2(Vector::X * -0.52);
+            world.insert_joint(pair[0], pair[1], hook).unwrap();
+        }
+        let falling =
+            RigidBodyBuilder::dynamic().translation(Vector::new(2.2, 5.0, 0.0)).linvel(Vector::Y * -4.0);
+        let ball = world.insert(falling, ColliderBuilder::ball(0.3)).unwrap();
+        let before = world.host().momentum_kgms();
+        let (mut held, mut hit) = (0, false);
+        for tick in 0..150 {
+            world.step().unwrap();
+            let beyond = world.regions().find(|region| region.cell().min[0] == 0.0).unwrap();
+            if tick > 40 {
+                held += beyond.bodies().filter(|(id, ..)| train.contains(id)).count();
+            }
+            hit |= world.velocity(ball).unwrap().linear[1] > -3.9;
+        }
+        let after = world.host().momentum_kgms();
+        assert!(hit, "{:?}", world.pose(ball));
+        assert_eq!(held, 0, "wagons beyond the border, over all ticks");
+        let strays = |i: usize| (after[i] - before[i]).abs();
+        assert!((0..3).all(|i| strays(i) < 1e-5 * before[1].abs()), "{before:?} {after:?}");
+    }
 
     #[test]
     fn who_leads_a_body_holds_what_rests_on_it_where_a_heap_is_poured_over_a_corner_of_four_regions() {

@@ -63,6 +63,12 @@ impl Shared {
         self.members.without(self.warming).len() > 1
     }
 
+    /// Returns how many bodies of its island another region owns, as heard; none while its copy there sleeps.
+    pub(super) fn awake_size_in(&self, rank: usize) -> Option<u16> {
+        let (_, copy) = self.heard.iter().find(|(other, _)| *other == rank)?;
+        (!copy.sleeping).then_some(copy.size)
+    }
+
     /// Translates all ranks.
     fn remap_ranks(&mut self, ranks: &RankRemap) {
         (self.members, self.warming) = (ranks.set(self.members), ranks.set(self.warming));

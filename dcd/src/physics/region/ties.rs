@@ -465,8 +465,18 @@ impl Region {
 
     /// Returns the bodies that a joint held here ties.
     pub(in crate::physics) fn joint_ends(&self, id: JointId) -> Option<(RigidBodyHandle, RigidBodyHandle)> {
-        let joint = &self.joints.get(&id)?.record;
-        Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
+        let held = self.joints.get(&id)?;
+        let world = self.physics();
+        // Where Rapier has the joint, no id need be looked up. The joint of a body that has just gone is removed
+        // before the next step.
+        if let Some(Solver::Impulses(handle)) = held.handle
+            && let Some(joint) = world.impulse_joints.get(handle)
+            && world.bodies.contains(joint.body1())
+            && world.bodies.contains(joint.body2())
+        {
+            return Some((joint.body1(), joint.body2()));
+        }
+        Some((self.handle_of(held.record.a)?, self.handle_of(held.record.b)?))
     }
 
     /// Returns the ids of the bodies that a joint held here ties.

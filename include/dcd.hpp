@@ -934,7 +934,7 @@ public:
         Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
         return { status, std::move(hits) };
     }
-    /* Submits rays, which are answered later, in a served world too. */
+    /* Submits rays, which are answered later, in a served world too: there they may hit bodies that this process does not know. */
     Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
     {
         return got<QueryId>([&](QueryId *out) { return dcd_rays_submit(world_, rays.data(), rays.size(), &filter, out); });

@@ -128,9 +128,12 @@ pub const DCD_REFUSED_LATE: u32 = 6;
 /// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's. For a builder: the shape cannot be
 /// a builder's, which has neither voxels nor half-spaces.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
-/// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes that are not
-/// forgotten yet: use the shapes that there are. For a builder: more than 4,096 bodies or joints of its own, more than 24,576
-/// changes at once and 1,024 more each second, or more than 16 MiB of such shapes.
+/// In DcdBodyChange.reason: the client wants too many avatars or too much of them.
+/// - It has 1,024 avatars, or has brought 2,048 at once and 128 more each second, those that it destroyed included.
+/// - It has asked too much of them at a time.
+/// - It has brought more than 1 MiB of new shapes that are not forgotten yet: use the shapes that there are.
+/// - For a builder: more than 4,096 bodies or joints of its own, more than 24,576 changes at once and 1,024 more each second, or
+///   more than 16 MiB of such shapes.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 /// In DcdBodyChange.reason: the body would cost too much.
 /// - An avatar has more than 8 extra solver or PGS iterations, reaches farther than 100 m from its origin, or begins where 64
@@ -149,13 +152,15 @@ pub const DCD_REFUSED_MAY_NOT_BUILD: u32 = 11;
 pub const DCD_REFUSED_NOT_TO_BE_BUILT: u32 = 12;
 
 /// Change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
-/// reported. In a local world nothing is.
+/// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. In a local world
+/// nothing is reported.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyChange {
     /// The body; null when a refusal concerns none.
     pub body: DcdBodyId,
-    /// User data of the body, from the program or from whoever made it.
+    /// User data of the body, from the program or from whoever made it; 0 for a body of another process that came and went between
+    /// two steps.
     pub user_data: u64,
     /// Kind: DCD_BODY_APPEARED, DCD_BODY_REMOVED or DCD_BODY_REFUSED.
     pub kind: u32,

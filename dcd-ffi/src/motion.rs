@@ -146,9 +146,9 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
 /// Teleports a body to a pose, whatever is there, and wakes it.
 ///
 /// - In a local world any body may be moved, also a fixed one. The body keeps its velocity.
-/// - A client or participant moves its own avatars except characters. A server moves all but fixed bodies; a builder does so with
-///   the world's own. The next dcd_step asks for it. The body gets the velocity that this process last heard of (dcd_body_get), up
-///   to half a second old, or the one that is set in the same step.
+/// - A client or participant moves its own avatars except characters, which obey dcd_body_set_velocity alone. A server moves all
+///   but fixed bodies; a builder does so with the world's own. The next dcd_step asks for it. The body gets the velocity that this
+///   process last heard of (dcd_body_get), up to half a second old, or the one that is set in the same step.
 ///
 /// Errors:
 /// - DCD_ERR_NULL, DCD_ERR_STALE_ID.

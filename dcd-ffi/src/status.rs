@@ -111,6 +111,9 @@ impl From<Unsupported> for Failure {
             Instead::DriveAvatars => {
                 "it drives its own avatars by dcd_body_set_velocity and dcd_body_set_pose"
             }
+            Instead::Walk => {
+                "a character obeys dcd_body_set_velocity and goes where it can walk; to have one elsewhere, destroy it and create another"
+            }
             Instead::PushByAvatars => {
                 "it drives its own avatars, which push what they meet (dcd_body_set_velocity)"
             }

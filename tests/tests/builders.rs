@@ -1,6 +1,7 @@
 //! Tests clients that may build: within bounds they change a world that nodes compute, as the server's
 //! program does. Uses real QUIC, with nodes and clients in this process.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use dcd::network::{ConnectionChange, JoinConfig, JoinRole, ServeConfig};
@@ -250,6 +251,47 @@ fn a_builder_sees_a_world_that_another_replaced_or_changed_as_it_is() {
     until("the builder sees it", &mut [&mut builder, &mut server], |worlds| worlds[0].contains(post));
     let new = builder.insert(floats(), ColliderBuilder::ball(0.1)).unwrap();
     until("it builds on", &mut [&mut builder, &mut client], |worlds| worlds[1].contains(new));
+}
+
+#[test]
+fn a_server_knows_whose_contact_has_ended_whoever_removed_the_body() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let _node = node(&server);
+    server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+    let mut builder = connected(&server, JoinRole::Builder);
+    let mut client = connected(&server, JoinRole::Client);
+    until("the world runs", &mut [&mut server], |worlds| worlds[0].tick() > Tick(0));
+    let insert = |world: &mut World, x: f32, user_data: u128| {
+        let cube = RigidBodyBuilder::dynamic().translation(Vector::new(x, 1.1, 0.0)).user_data(user_data);
+        let collider = ColliderBuilder::cuboid(0.5, 0.5, 0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+        world.insert(cube, collider).unwrap()
+    };
+    let cubes = [insert(&mut server, -6.0, 10), insert(&mut builder, 3.0, 20), insert(&mut client, 6.0, 30)];
+    let told = |server: &World, began: bool| {
+        let touches = server.events().touches.iter().filter(|touch| touch.began == began);
+        touches.flat_map(|touch| [touch.key.a, touch.key.b]).collect::<Vec<_>>()
+    };
+    let mut began = BTreeSet::new();
+    until("all touch the ground", &mut [&mut server, &mut builder, &mut client], |worlds| {
+        began.extend(told(worlds[0], true));
+        cubes.iter().all(|cube| began.contains(cube))
+    });
+    server.remove(cubes[0]).unwrap();
+    builder.remove(cubes[1]).unwrap();
+    client.remove(cubes[2]).unwrap();
+    let mut ended = BTreeSet::new();
+    until("their contacts have ended", &mut [&mut server, &mut builder, &mut client], |worlds| {
+        let gone = told(worlds[0], false).into_iter().filter(|id| cubes.contains(id));
+        for cube in gone.filter(|&id| !worlds[0].contains(id)) {
+            assert!(worlds[0].user_data(cube).is_some_and(|data| data > 0), "{cube}");
+            ended.insert(cube);
+        }
+        ended.len() == 3
+    });
+    let tick = server.tick();
+    until("they are off the record", &mut [&mut server], |worlds| worlds[0].tick().0 > tick.0 + 30);
+    assert_eq!(cubes.map(|cube| server.user_data(cube)), [10, 20, 30].map(Some));
 }
 
 /// Joins without the checks that keep a client from asking for what it may not.

@@ -101,6 +101,34 @@ fn a_character_on_level_ground_is_never_stopped() {
 }
 
 #[test]
+fn it_falls_onto_a_half_space_as_onto_a_box_and_walks_there() {
+    let half_space = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
+    let slab = ColliderBuilder::cuboid(40.0, 0.5, 40.0).translation(Vector::new(0.0, -0.5, 0.0));
+    for cuts in [0, 1] {
+        let [on_half_space, on_slab] = [&half_space, &slab].map(|ground| {
+            let partitioning = Partitioning::Cuts([(Axis::X, 0.0)][..cuts].to_vec());
+            let mut world = World::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            world.insert(RigidBodyBuilder::fixed(), ground.clone()).unwrap();
+            let id = walker(&mut world, [-2.0, STANDS_M + 3.0, 0.3]);
+            run(&mut world, 120);
+            let [_, stands, _] = place(&world, id);
+            assert!((stands - STANDS_M).abs() < 0.05, "{cuts} cuts: it stands at {stands}");
+            go(&mut world, id, [2.0, 0.0, 0.0]);
+            for tick in 0..120 {
+                run(&mut world, 1);
+                let [x, y, _] = place(&world, id);
+                assert!((y - STANDS_M).abs() < 0.05, "{cuts} cuts: it is at {x} {y} in tick {tick}");
+            }
+            let [x, ..] = place(&world, id);
+            assert!((x - 2.0).abs() < 0.1, "{cuts} cuts: it has come to {x}");
+            stands
+        });
+        let apart_m = (on_half_space - on_slab).abs();
+        assert!(apart_m < 0.02, "{cuts} cuts: {on_half_space} on the half-space, {on_slab} on the box");
+    }
+}
+
+#[test]
 fn it_walks_over_borders_and_stops_at_walls() {
     for (name, mut world) in worlds() {
         block(&mut world, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);

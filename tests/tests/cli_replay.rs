@@ -95,6 +95,8 @@ fn what_cannot_be_replayed_is_said() {
     std::fs::copy(folder.join("a.dcdr"), folder.join("b.dcdr")).unwrap();
     std::fs::write(folder.join("text.dcdr"), "not a recording").unwrap();
     std::fs::create_dir(folder.join("empty")).unwrap();
+    std::fs::create_dir(folder.join("begun")).unwrap();
+    std::fs::write(folder.join("begun/node.dcdr"), "").unwrap();
     let whole = std::fs::read(folder.join("a.dcdr")).unwrap();
     let mut damaged = whole.clone();
     damaged[whole.len() / 2] ^= 1;
@@ -103,6 +105,7 @@ fn what_cannot_be_replayed_is_said() {
         ("replay missing.dcdr", "cannot be read"),
         ("replay text.dcdr", "not a recording of dcd"),
         ("replay empty", "has no *.dcdr"),
+        ("replay begun", "has no *.dcdr"),
         ("replay a.dcdr a.dcdr", "a.dcdr is given twice"),
         ("replay a.dcdr b.dcdr", "a local world has one recording"),
         ("replay a.dcdr --dump 31", "the recording ends after tick 30"),
@@ -155,6 +158,24 @@ fn a_recording_that_begins_late_says_with_which_tick() {
     let early = dcd(folder, "replay late.dcdr --until 5 --check");
     assert_eq!(early.status.code(), Some(1), "{early:?}");
     assert!(String::from_utf8_lossy(&early.stderr).contains("begins with tick 3"), "{early:?}");
+    assert_eq!(json(folder, "replay late.dcdr --check", 0)["ticks"], 30);
+    assert!(said(folder, "replay late.dcdr", 0).starts_with("30 ticks replayed"));
+    assert_eq!(json(folder, "replay late.dcdr --until 40", 0)["ticks"], 10);
+}
+
+#[test]
+fn an_empty_recording_in_a_folder_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("run")).unwrap();
+    said(folder, "run tower --seconds 0.5 --record run/world.dcdr", 0);
+    std::fs::write(folder.join("run/refused.dcdr"), "").unwrap();
+    let replay = dcd(folder, "replay run --check");
+    let stderr = String::from_utf8_lossy(&replay.stderr);
+    assert_eq!(replay.status.code(), Some(0), "{stderr}");
+    assert!(stderr.contains("refused.dcdr is empty"), "{stderr}");
+    // Who names the file hears that it is none.
+    assert!(said(folder, "replay run/refused.dcdr", 2).contains("not a recording"));
 }
 
 #[cfg(target_os = "linux")]

@@ -99,6 +99,8 @@ fn what_is_not_computed_in_full_is_said() {
     assert!(error(&["run", "tower", "--regions", "0", "--fidelity", "auto"], 2).contains("--fidelity"));
     let alone = ["run", "tower", "--regions", "2", "--viewpoint", "0,0,0,20"];
     assert!(error(&alone, 2).contains("add --fidelity auto"));
+    let in_full = [&alone[..], &["--seconds", "0.1", "--fidelity", "off"]].concat();
+    assert_eq!(json(&in_full)["fidelity"], Value::Null);
 }
 
 #[test]

@@ -134,6 +134,30 @@ fn a_character_climbs_steps_and_pushes_boxes_over_a_border_as_in_one_world() {
     }
 }
 
+/// With nothing to do, Rapier's controller moves a character out of what overlaps it. Parry 0.31.1 takes any
+/// half-space for deep in it.
+#[test]
+fn a_character_at_rest_rises_from_a_half_space_only_where_it_overlaps() {
+    let mut scene = Scene::empty("plane");
+    scene.bounds = Bounds::around([0.0; 3], [20.0, 5.0, 5.0]);
+    let half_space = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
+    scene.push(WorldPose::default(), RigidBodyBuilder::fixed(), half_space);
+    for planes in [&[][..], &[0.0]] {
+        let mut world = cut_at(&scene, planes, Coupling::Auto);
+        world.step().unwrap();
+        let (controller, shape) = (KinematicCharacterController::default(), Capsule::new_y(0.5, 0.3));
+        // The capsule reaches 0.8 m down, and keeps 1 % of its height as a gap.
+        for (height_m, rise_m) in [(3.0, 0.0), (0.7, 0.116)] {
+            let pose = WorldPose::at([1.0, height_m, 0.0]);
+            let (desired_m, filter) = ([0.0; 3], BodyFilter::default());
+            let character = CharacterMove { controller: &controller, shape: &shape, pose, desired_m, filter };
+            let moved = world.move_character(&character, |_| ()).unwrap().translation;
+            let off_m = (moved - Vector::Y * rise_m).length();
+            assert!(off_m < 1e-3, "{planes:?}: it rises by {moved:?} at {height_m} m");
+        }
+    }
+}
+
 const CAR: u32 = 1;
 
 /// Returns a scene with a road with bumps, and a car.

@@ -8,7 +8,7 @@ use dcd::prelude::*;
 use dcd::runtime::LocalWorld;
 use dcd::scene::SceneBody;
 use dcd::space::{Axis, BodyId};
-use dcd::{Coupling, Fidelity, Viewpoint};
+use dcd::{Coupling, Fidelity, Push, Viewpoint};
 
 /// All regions except those in sight come to be stepped in every fourth tick.
 const ALL_COARSE: Fidelity = Fidelity::Tolerance { m_s: 1e6 };
@@ -327,6 +327,171 @@ fn what_a_program_ties_where_nobody_looks_holds() {
         }
     }
     assert_eq!(levels(&world)[2], 3);
+}
+
+/// Returns four regions in a row, of which the last one is seen, on a floor of half a metre.
+fn unseen(fidelity: Fidelity) -> LocalWorld {
+    let mut world = row(4, fidelity, [0.0, -9.81, 0.0]);
+    world.set_viewpoints(&[Viewpoint { at: [35.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+    let floor = RigidBodyBuilder::fixed().translation(Vector::Y * -0.25);
+    world.insert(floor, ColliderBuilder::cuboid(80.0, 0.25, 40.0)).unwrap();
+    world
+}
+
+/// Returns whether the region of a body is behind the present.
+fn is_late(world: &LocalWorld, id: BodyId) -> bool {
+    world.owner_of(id).is_some_and(|region| world.host().behind(region) > 0)
+}
+
+/// Boxes fall onto boxes that lie there, at 24 m/s: 1.6 m in four ticks.
+#[test]
+fn what_falls_fast_where_nobody_looks_pushes_nothing_through_the_floor() {
+    let mut world = unseen(Fidelity::AUTO);
+    let mut boxes = Vec::new();
+    for i in 0..135_u8 {
+        let (x, z) = (4.0 * f32::from(i / 9) - 38.0, 4.0 * f32::from(i % 9) - 16.0);
+        let aside = Vector::new((7.0 * f32::from(i)).sin(), 0.0, (11.0 * f32::from(i)).cos()) * 0.3;
+        for (height_m, aside) in [(0.5, Vector::ZERO), (29.0, aside)] {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, height_m, z) + aside);
+            boxes.push(world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap());
+        }
+    }
+    let mut coarse = 0;
+    for _ in 0..300 {
+        world.step().unwrap();
+        coarse += levels(&world)[2];
+    }
+    assert!(coarse > 100, "the test needs regions at a quarter of the rate: {coarse}");
+    let below = boxes.iter().filter(|&&id| world.pose(id).unwrap().translation[1] < -0.3).count();
+    assert_eq!(below, 0, "of {} boxes", boxes.len());
+}
+
+#[test]
+fn what_a_program_sets_for_one_tick_counts_for_one_tick_where_nobody_looks() {
+    let mut world = row(4, ALL_COARSE, [0.0; 3]);
+    world.set_viewpoints(&[Viewpoint { at: [35.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+    let mut insert = |x: f64, z: f64, body: RigidBodyBuilder| {
+        world.insert_at(WorldPose::at([x, 0.0, z]), body, [ColliderBuilder::ball(0.3).mass(2.0)]).unwrap()
+    };
+    let places = (0..24_u8).map(|i| 2.0 * f64::from(i) - 38.0);
+    let pairs: Vec<_> = places
+        .map(|x| {
+            let ball = insert(x, 0.0, RigidBodyBuilder::dynamic().can_sleep(false));
+            (x, ball, insert(x, 5.0, RigidBodyBuilder::kinematic_velocity_based()))
+        })
+        .collect();
+    run(&mut world, 100);
+    let mut late = 0;
+    for (x, ball, door) in pairs {
+        late += usize::from(is_late(&world, ball));
+        for (force_n, speed) in [(120.0, 6.0), (0.0, 0.0)] {
+            world.push(&Push::force(ball, [0.0, force_n, 0.0], [0.0; 3])).unwrap();
+            world.set_velocity(door, Velocity::linear([speed, 0.0, 0.0])).unwrap();
+            run(&mut world, 1);
+        }
+        run(&mut world, 11);
+        let (gained, gone) =
+            (world.velocity(ball).unwrap().linear[1], world.pose(door).unwrap().translation[0] - x);
+        assert!((gained - 1.0).abs() < 1e-4 && (gone - 0.1).abs() < 1e-4, "{gained} m/s, {gone} m");
+    }
+    assert!(late > 8, "{late} of 24 were in regions that were behind");
+    assert_eq!(levels(&world), [1, 0, 3]);
+}
+
+#[test]
+fn what_a_program_removes_where_nobody_looks_lets_go_in_the_next_tick() {
+    let mut world = unseen(ALL_COARSE);
+    let boxes: Vec<_> = (0..20_u8)
+        .map(|i| {
+            let at = Vector::new(2.0 * f32::from(i) - 38.0, 0.5, 0.0);
+            let body = RigidBodyBuilder::dynamic().translation(at).can_sleep(false);
+            let shape = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+            world.insert(body, shape.active_events(ActiveEvents::COLLISION_EVENTS)).unwrap()
+        })
+        .collect();
+    run(&mut world, 100);
+    let mut late = 0;
+    for id in boxes {
+        late += usize::from(is_late(&world, id));
+        world.remove(id).unwrap();
+        run(&mut world, 1);
+        let touches = world.events().touches.iter();
+        let of_it = touches.filter(|touch| [touch.key.a, touch.key.b].contains(&id));
+        let ends: Vec<_> = of_it.map(|touch| touch.began).collect();
+        assert_eq!(ends, [false], "of {id}");
+        run(&mut world, 12);
+    }
+    assert!(late > 5, "{late} of 20 were in regions that were behind");
+}
+
+/// Platforms that go to and fro and up and down, as their program says in each tick.
+#[test]
+fn who_rides_where_nobody_looks_keeps_its_place() {
+    let cuts = [-20.0, 0.0, 20.0].map(|x| (Axis::X, x));
+    let mut world = World::new(WorldConfig {
+        bounds: Bounds::around([0.0; 3], [40.0, 20.0, 20.0]),
+        partitioning: Partitioning::Cuts(cuts.to_vec()),
+        fidelity: ALL_COARSE,
+        ..WorldConfig::default()
+    })
+    .unwrap();
+    world.set_viewpoints(&[Viewpoint { at: [35.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+    let floor = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+    world.insert(floor, ColliderBuilder::cuboid(80.0, 0.5, 40.0)).unwrap();
+    let rides: Vec<_> = [-30.0, -10.0, 10.0]
+        .map(|x| {
+            let body = RigidBodyBuilder::kinematic_velocity_based;
+            let platform = [ColliderBuilder::cuboid(2.0, 0.2, 2.0)];
+            let platform = world.insert_at(WorldPose::at([x, 3.0, 0.0]), body(), platform).unwrap();
+            let (at, capsule) = (WorldPose::at([x - 1.0, 3.95, 0.0]), [ColliderBuilder::capsule_y(0.4, 0.3)]);
+            (platform, world.insert_character(at, &Character::default(), body(), capsule).unwrap())
+        })
+        .to_vec();
+    for tick in 0..700_u16 {
+        let turn = f32::from(tick.saturating_sub(200)) / 30.0;
+        let velocity = Velocity::linear([1.5 * turn.sin(), (0.6 * turn).sin(), 0.0]);
+        for (platform, _) in rides.iter().filter(|_| tick >= 200) {
+            world.set_velocity(*platform, velocity).unwrap();
+        }
+        world.step().unwrap();
+    }
+    for (platform, rider) in rides {
+        let [on, at] = [platform, rider].map(|id| world.pose(id).unwrap().translation);
+        let off: [f64; 3] = std::array::from_fn(|i| at[i] - on[i] - [-1.0, 0.92, 0.0][i]);
+        assert!(length(off) < 0.1, "{rider} is {off:?} m from its place");
+    }
+}
+
+#[test]
+fn what_a_program_does_where_nobody_looks_is_the_same_by_any_threads_and_after_a_snapshot() {
+    let scene = town(4);
+    let mut worlds: Vec<_> = [1, 2].map(|threads| world(&scene, Fidelity::AUTO, threads)).into();
+    let ids: Vec<_> = worlds[0].states().map(|(id, ..)| id).collect();
+    let pushed = |tick: usize| ids[37 * tick % ids.len()];
+    let push = |world: &mut LocalWorld, tick| {
+        world.push(&Push::impulse(pushed(tick), [0.0, 1.0, 0.0])).unwrap();
+    };
+    worlds.iter_mut().for_each(|world| run(world, 120));
+    worlds.iter_mut().for_each(|world| push(world, 120));
+    let mut saved = Vec::new();
+    worlds[0].save(&mut saved).unwrap();
+    worlds.push(LocalWorld::restore(saved.as_slice(), 1).unwrap());
+    worlds.iter_mut().for_each(|world| run(world, 1));
+    let mut late = 0;
+    for tick in (123..240).step_by(3) {
+        late += usize::from(is_late(&worlds[0], pushed(tick)));
+        for world in &mut worlds {
+            push(world, tick);
+            run(world, 3);
+        }
+    }
+    for world in &worlds {
+        assert_eq!(world.states().count(), ids.len());
+        assert_eq!(world.host().validate(), []);
+        assert_eq!(world.state_hash(), worlds[0].state_hash());
+        assert_eq!(world.stats().transfers, worlds[0].stats().transfers);
+    }
+    assert!(late > 5, "{late} were in regions that were behind");
 }
 
 /// Returns how far a tower sags under a load of 100:1, and how far a chain with a bob of 1000:1 stretches,

@@ -101,6 +101,13 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     );
     assert_eq!(refused(client.set_pose(id, WorldPose::default())).instead, Instead::MakeAvatars);
     assert_eq!(refused(client.remove(id)).instead, Instead::MakeAvatars);
+    let (body, capsule) =
+        (RigidBodyBuilder::kinematic_velocity_based(), ColliderBuilder::capsule_y(0.5, 0.3));
+    let walker =
+        client.insert_character(WorldPose::at([0.0, 9.0, 0.0]), &Character::default(), body, [capsule]);
+    let refusal = refused(client.set_pose(walker.unwrap(), WorldPose::default()));
+    assert_eq!(refusal.instead, Instead::Walk);
+    assert!(!refusal.to_string().contains("set_pose"), "it does not name what it refuses: {refusal}");
     assert_eq!(
         refused(client.insert_joint(id, id, FixedJointBuilder::new())).instead,
         Instead::JointsInScene

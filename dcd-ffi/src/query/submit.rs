@@ -56,6 +56,9 @@ const _: () = assert!(
 ///
 /// - Served world. A client, a participant or the server's program asks the nodes. Each node answers for the bodies that it owns,
 ///   as they are after one and the same step, and the nearest counts. That takes some steps, and longer while nodes join or leave.
+/// - Unknown bodies. The nodes may find what this process does not know: bodies that a client with an area of interest was not told
+///   of (dcd_interest_set), and bodies that come or go meanwhile. Such a hit has an id that is not valid (dcd_body_is_valid), and 0
+///   as user_data and material.
 /// - Local world. The answer is there at once.
 /// - Server. What its program did since its last dcd_step is there for the query, which is then sent with the next dcd_step.
 ///

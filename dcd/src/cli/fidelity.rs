@@ -14,8 +14,9 @@ pub(super) struct FidelityArgs {
     #[arg(long, value_name = "HOW")]
     fidelity: Option<Fidelity>,
     /// Look at all that is within RADIUS metres of this point in world space; may be given several times. The
-    /// clients of a served world look at it too, each at its area of interest [default: what the scene says,
-    /// else everything or, in a served world, what its clients look at]
+    /// clients of a served world look at it too, each at its area of interest. With `--fidelity off` it
+    /// changes nothing [default: what the scene says, else everything or, in a served world, what its clients
+    /// look at]
     #[arg(long, value_name = "X,Y,Z,RADIUS", allow_hyphen_values = true, value_parser = viewpoint)]
     viewpoint: Vec<Viewpoint>,
 }
@@ -34,7 +35,8 @@ impl FidelityArgs {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<(), Failure> {
         scene.fidelity = self.fidelity.unwrap_or(scene.fidelity);
         if !self.viewpoint.is_empty() {
-            if scene.fidelity == Fidelity::Off {
+            // Who asks for `off` may compare it with others by the same line.
+            if self.fidelity.is_none() && scene.fidelity == Fidelity::Off {
                 return Err(Failure::usage(
                     "--viewpoint says what is computed in full, and without a fidelity all is; add --fidelity auto, or leave it out",
                 ));

@@ -421,6 +421,7 @@ impl Leader {
         };
         self.tick = self.tick.next();
         let mut ops = self.next_ops();
+        self.scheduling.iter_mut().for_each(|scheduling| scheduling.attend(self.tick, &ops));
         let repartition = self.repartition();
         ops.extend(repartition.map(WorldOp::Repartition));
         for op in &ops {

@@ -28,6 +28,7 @@ mod avatar_limits;
 mod client;
 mod correction;
 mod coverage;
+mod departed;
 mod device;
 pub mod directory;
 mod groups;
@@ -46,6 +47,8 @@ use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
 pub use correction::{correction, deviation_m};
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) use departed::Departed;
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling, TickStats};
 pub use directory::{Batch, Key};
 pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};

@@ -173,6 +173,11 @@ impl Record {
         self.changes.joints.extend(self.joints.keys());
     }
 
+    /// Marks bodies as to be written to the directory at once, as if they had come or gone.
+    pub(super) fn mark(&mut self, bodies: BTreeSet<BodyId>) {
+        self.changes.lives.extend(bodies);
+    }
+
     /// Takes the marks of what is to be written to the directory.
     pub(super) fn take_marks(&mut self) -> Changes {
         std::mem::take(&mut self.changes)

@@ -20,6 +20,7 @@ mod regroup;
 mod retold;
 mod save;
 mod status;
+mod steered;
 mod stored;
 #[cfg(test)]
 mod tests;
@@ -231,6 +232,8 @@ pub struct Server {
     was_stopped: bool,
     looked_at: Duration,
     store_at: Option<Duration>,
+    /// The time from which velocities of kinematic bodies may be written down again.
+    steered_at: Duration,
     welcomes: u64,
     /// Clients that left, in order, each with the time at which its avatars are forgotten.
     gone: VecDeque<(Duration, ClientId)>,
@@ -259,6 +262,7 @@ impl Server {
             next_ids: record.next_ids(),
             groups_changed: BTreeSet::new(),
             fading: Default::default(),
+            departed: Default::default(),
             outputs: VecDeque::new(),
         };
         let mut group = Group::new(main, record, Tick(0));
@@ -279,6 +283,7 @@ impl Server {
             last_group: main,
             arbiter,
             store_at: None,
+            steered_at: Duration::ZERO,
             welcomes: 0,
             gone: VecDeque::new(),
             ended: false,
@@ -419,6 +424,7 @@ impl Server {
             .chain(clients)
             .chain(groups)
             .chain(self.store_at)
+            .chain(self.main().steered.has_unwritten().then_some(self.steered_at))
             .chain(self.questions.due())
             .chain(self.takeover_at())
             .chain(self.regrouping_at())
@@ -444,6 +450,13 @@ impl Server {
     /// Returns the record of the world: that of the main group.
     pub fn record(&self) -> &Record {
         &self.main().record
+    }
+
+    /// Returns the user data of a body on record, or of one that this server has had on record, unless very
+    /// many bodies have gone since that one.
+    pub fn user_data(&self, id: BodyId) -> Option<u128> {
+        let known = self.record().body(id).map(|body| body.user_data);
+        known.or_else(|| self.common.departed.get(id))
     }
 
     /// Returns the view (membership) of the main group, while nodes compute the world.
@@ -536,6 +549,9 @@ impl Server {
         self.tell_leaders();
         let now = self.common.now;
         let soft = self.store_at.take_if(|at| *at <= now).is_some();
+        if self.steered_at <= now && self.main_mut().write_steered() {
+            self.steered_at = now + steered::WRITE_EVERY;
+        }
         self.store(mark, soft);
         if self.main().record.has_moved() {
             self.store_at.get_or_insert(now + STORE_EVERY);

@@ -245,18 +245,17 @@ impl Governor {
             let pace = |state: &RegionState| self.paces.get(&state.region).copied().unwrap_or(Pace::FULL);
             // If all rest, nothing is stepped, and the paces that were chosen stand.
             let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
-            let Pace { rate, turn } =
-                busy.or(members().map(pace).min_by_key(|pace| pace.rate)).unwrap_or(Pace::FULL);
+            let pace = busy.or(members().map(pace).min_by_key(|pace| pace.rate));
+            let is_urgent = members().any(|state| state.urgent);
+            let Pace { rate, turn } = pace.filter(|_| !is_urgent).unwrap_or(Pace::FULL);
             let steps: f64 = members().map(|state| f64::from(state.awake)).sum();
             (saved, awake) = (saved + steps * (1.0 - 1.0 / f64::from(rate)), awake + steps);
             let rate = if lags { rate } else { 1 };
             self.levels[rate.ilog2() as usize] += members().count();
             coarsest = rate.max(coarsest);
             let owed = members().map(|state| state.behind).max().unwrap_or(0);
-            let is_awaited = members().any(|state| state.awaited);
             // Groups of one rate take turns, so that ticks take about equally long.
-            let is_due = is_awaited
-                || owed + 1 >= rate
+            let is_due = owed + 1 >= rate
                 // Other regions have looked less far ahead.
                 || owed + 1 > self.behind_most
                 || tick.0 % u64::from(rate) == u64::from(turn % rate);

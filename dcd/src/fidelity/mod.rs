@@ -18,7 +18,7 @@ mod tests;
 
 pub use governor::{Governed, Governor, LookedAt};
 pub use schedule::{
-    Audited, COARSEST, Pace, Pick, RegionState, Schedule, Signals, iterations, relative_time,
+    ATTENDED_TICKS, Audited, COARSEST, Pace, Pick, RegionState, Schedule, Signals, iterations, relative_time,
 };
 
 use bincode::{Decode, Encode};

@@ -10,6 +10,10 @@ use crate::space::{RegionId, RegionSet};
 /// less.
 pub const COARSEST: u8 = 4;
 
+/// The ticks in which a region is stepped after its program has moved or changed something there, from the next
+/// one on.
+pub const ATTENDED_TICKS: u8 = 8;
+
 /// The part of a step of one tick that its solver takes, with the iterations that are set. The estimate is
 /// the same for all scenes; on terrain the part is smaller.
 const SOLVING: f64 = 0.5;
@@ -68,8 +72,9 @@ pub struct RegionState {
     pub behind: u8,
     /// Says whether nothing in it can change by itself, so that it is the same at any time.
     pub rests: bool,
-    /// Says whether bodies inserted there wait to be told to regions that it is not at one time with.
-    pub awaited: bool,
+    /// Says whether it must be stepped in the next tick, whatever its pace: a step of several ticks would be
+    /// wrong there, or bodies inserted there wait to be told to regions that it is not at one time with.
+    pub urgent: bool,
     /// The regions, by rank, that must be at one time with it, since it shares bodies with them or is about
     /// to.
     pub bound: RegionSet,
@@ -105,7 +110,7 @@ impl RegionState {
             region,
             behind: 0,
             rests: false,
-            awaited: true,
+            urgent: true,
             bound: RegionSet::EMPTY,
             awake: 0,
             step_ms: 0.0,

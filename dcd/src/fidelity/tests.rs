@@ -9,7 +9,7 @@ fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
         region: RegionId(k),
         behind: 0,
         rests: false,
-        awaited: false,
+        urgent: false,
         bound: RegionSet::EMPTY,
         awake: 10,
         step_ms,
@@ -219,12 +219,13 @@ fn regions_catch_up_by_turns_and_those_that_share_something_together() {
 }
 
 #[test]
-fn what_rests_and_what_waits_to_be_told_does_not_stay_behind() {
+fn what_rests_and_what_is_urgent_does_not_stay_behind() {
     let mut governor = governor(Fidelity::AUTO);
     let mut regions = row(4, 1.0);
     let _ = ticks(&mut governor, &mut regions, 1..200);
-    (regions[2].rests, regions[3].awaited) = (true, true);
+    (regions[2].rests, regions[3].urgent) = (true, true);
     let behind = ticks(&mut governor, &mut regions, 200..220);
+    assert_eq!(governor.report().levels, [2, 0, 2]);
     assert!(behind.iter().all(|tick| tick.iter().all(|&id| id == 1)), "{behind:?}");
     assert!(behind.iter().any(|tick| tick == &[1]));
 }

@@ -9,6 +9,7 @@ mod contact_listener;
 mod control;
 mod convert;
 mod coupling;
+mod dispatcher;
 mod extent;
 mod forces;
 mod hook_tape;

@@ -24,6 +24,7 @@ mod refine;
 mod slot;
 mod step;
 mod ties;
+mod urgency;
 mod vehicles;
 
 pub(super) use assembly::Assembly;
@@ -52,7 +53,7 @@ use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
 use crate::fidelity::Signals;
-use crate::protocol::{BodyTraits, JointRecord, RegionEvents};
+use crate::protocol::{BodyTraits, ContactForce, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
 #[cfg(test)]
@@ -136,6 +137,8 @@ pub struct Region {
     /// heavier or lighter one.
     strained: bool,
     signals: Signals,
+    /// The ticks in which it may still not stay behind, since its user has changed something there.
+    attended: u8,
     /// Bodies inserted or changed since the last step, perhaps more than once.
     touched: Vec<RigidBodyHandle>,
     /// Bodies that were woken since the last step by what changed them.
@@ -201,6 +204,7 @@ impl Region {
             iterations_s: Vec::new(),
             strained: false,
             signals: Signals::default(),
+            attended: 0,
             touched: Vec::new(),
             roused: Vec::new(),
             laid: Vec::new(),
@@ -458,6 +462,11 @@ impl Region {
         #[cfg(test)]
         LOOKS.set(LOOKS.get() + 1);
         self.by_id.get(&id).copied()
+    }
+
+    /// Takes the contact forces since [`Region::clear_events`].
+    pub(super) fn take_forces(&mut self) -> Vec<ContactForce> {
+        std::mem::take(&mut self.events.forces)
     }
 
     /// Returns whether a body is held here.

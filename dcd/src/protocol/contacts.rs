@@ -18,6 +18,35 @@ pub struct WorldEvents {
     pub forces: Vec<ContactForce>,
 }
 
+#[cfg(feature = "physics")]
+impl WorldEvents {
+    /// Adds the forces of steps between two ticks, by which regions caught up. Of two forces on a pair the stronger
+    /// is told: they did not act at one time.
+    pub(crate) fn add_early(&mut self, mut early: Vec<ContactForce>) {
+        if early.is_empty() {
+            return;
+        }
+        add_up(&mut early);
+        self.forces.append(&mut early);
+        self.forces.sort_by(|a, b| a.key.cmp(&b.key).then(b.magnitude_n.total_cmp(&a.magnitude_n)));
+        self.forces.dedup_by_key(|force| force.key);
+    }
+}
+
+/// Adds up the forces on each pair, and leaves those above their threshold, in key order.
+fn add_up(forces: &mut Vec<ContactForce>) {
+    forces.sort_by_key(|force| force.key);
+    forces.dedup_by(|other, sum| {
+        let same = other.key == sum.key;
+        if same {
+            sum.force_n = std::array::from_fn(|i| sum.force_n[i] + other.force_n[i]);
+            sum.magnitude_n += other.magnitude_n;
+        }
+        same
+    });
+    forces.retain(|force| force.magnitude_n > force.threshold_n);
+}
+
 /// The record of which regions see each contact. A contact begins when the first region sees it, and ceases
 /// when the last region no longer does, so a body that changes region does not seem to let go. A contact
 /// whose collider becomes a sensor, or ceases to be one, ceases and begins.
@@ -77,16 +106,7 @@ impl ContactLedger {
                 out.touches.extend(change.ended);
             }
         }
-        out.forces.sort_by_key(|force| force.key);
-        out.forces.dedup_by(|other, sum| {
-            let same = other.key == sum.key;
-            if same {
-                sum.force_n = std::array::from_fn(|i| sum.force_n[i] + other.force_n[i]);
-                sum.magnitude_n += other.magnitude_n;
-            }
-            same
-        });
-        out.forces.retain(|force| force.magnitude_n > force.threshold_n);
+        add_up(&mut out.forces);
     }
 
     /// Renames a region from now on.
@@ -208,6 +228,22 @@ mod tests {
         assert_eq!(merged(&mut ledger, &[seen(1, &[true]), seen(2, &[true])]), [true]);
         assert_eq!(merged(&mut ledger, &[seen(1, &[false])]), [] as [bool; 0]);
         assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
+    }
+
+    #[cfg(feature = "physics")]
+    #[test]
+    fn of_the_forces_before_a_tick_and_in_it_the_stronger_is_told() {
+        let force = |magnitude_n| ContactForce {
+            key: touch(true).key,
+            force_n: [0.0, magnitude_n, 0.0],
+            magnitude_n,
+            threshold_n: 10.0,
+        };
+        for (early, most_n) in [(vec![4.0, 5.0], 20.0), (vec![8.0, 30.0], 38.0), (vec![15.0], 20.0)] {
+            let mut told = WorldEvents { forces: vec![force(20.0)], ..WorldEvents::default() };
+            told.add_early(early.into_iter().map(force).collect());
+            assert_eq!(told.forces, [force(most_n)]);
+        }
     }
 
     #[test]

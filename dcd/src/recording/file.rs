@@ -10,7 +10,7 @@
 //!
 //! An empty chunk ends the recording. A recording without it was cut off.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -151,9 +151,12 @@ pub struct Background {
 }
 
 impl Background {
-    /// Checks that a file can be written. Creates it if there is none, and fails if it is not empty: it may
-    /// be a recording that somebody needs.
+    /// Checks that a file can be written, and leaves none behind if there was none. Fails if it is not empty:
+    /// it may be a recording that somebody needs.
     pub fn check(path: &Path) -> io::Result<()> {
+        if File::create_new(path).is_ok() {
+            return fs::remove_file(path);
+        }
         let file = OpenOptions::new().append(true).create(true).open(path)?;
         match file.metadata()?.len() {
             0 => Ok(()),
@@ -274,6 +277,21 @@ mod tests {
         fn flush(&mut self) -> io::Result<()> {
             Ok(())
         }
+    }
+
+    #[test]
+    fn a_check_leaves_files_as_they_were() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("node.dcdr");
+        Background::check(&path).unwrap();
+        assert!(!path.exists(), "nothing is recorded yet");
+        fs::write(&path, "").unwrap();
+        Background::check(&path).unwrap();
+        assert!(path.exists());
+        fs::write(&path, "what went wrong").unwrap();
+        assert_eq!(Background::check(&path).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "what went wrong");
+        assert!(Background::check(&folder.path().join("missing/node.dcdr")).is_err());
     }
 
     #[test]

@@ -30,7 +30,10 @@ pub struct Mismatch {
 /// The replay of the members of a cluster, or of a local world.
 pub struct Replay {
     members: Vec<Member>,
+    /// The tick at which the members began.
+    began: Tick,
     ticks: u64,
+    tick_count: u64,
     matches: u64,
     mismatch: Option<Mismatch>,
 }
@@ -59,6 +62,12 @@ impl Member {
         self.replay.advance().map_err(of)
     }
 
+    /// Returns the tick at which the member began; `None` if no tick is on record.
+    fn began(&self) -> Option<Tick> {
+        let first = self.first.as_ref()?;
+        Some(self.replay.began().unwrap_or(first.tick))
+    }
+
     /// Returns the tick that the member completes next, as far as that is known.
     fn next_tick(&self) -> Tick {
         self.first.as_ref().map_or(self.tick.next(), |first| first.tick)
@@ -71,7 +80,8 @@ impl Replay {
     pub fn new(members: Vec<(String, Box<dyn Replayed>)>) -> Result<Self, RecordingError> {
         let mut members = members.into_iter().map(Member::begin).collect::<Result<Vec<_>, _>>()?;
         members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
-        Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
+        let began = members.iter().filter_map(Member::began).min().unwrap_or(Tick(0));
+        Ok(Self { members, began, ticks: 0, tick_count: 0, matches: 0, mismatch: None })
     }
 
     /// Returns the next tick to complete; `None` at the end.
@@ -96,6 +106,11 @@ impl Replay {
         };
         member.tick = member.tick.max(settled.tick);
         self.ticks = self.ticks.max(settled.tick.0);
+        self.tick_count = match member.replay.who() {
+            // It may go back, and be computed once more from there.
+            Who::Local => self.tick_count + 1,
+            _ => self.ticks.saturating_sub(self.began.0),
+        };
         let regions = settled.recorded.len() as u64;
         if settled.recorded == settled.replayed {
             self.matches += regions;
@@ -108,6 +123,11 @@ impl Replay {
     /// Returns the newest tick that any member has completed.
     pub fn ticks(&self) -> u64 {
         self.ticks
+    }
+
+    /// Returns the number of ticks that were replayed.
+    pub fn tick_count(&self) -> u64 {
+        self.tick_count
     }
 
     /// Returns the newest tick that all running members have completed: those that have begun and not ended.

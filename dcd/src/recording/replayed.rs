@@ -64,6 +64,11 @@ pub trait Replayed {
     fn maker(&self) -> &Maker;
     /// Returns whether the file has no end, as when the process was killed.
     fn was_cut_off(&self) -> bool;
+    /// Returns the tick of the world when the process began, if its first digest does not say so: a node's is
+    /// that of the state with which it begins, a server's that of a later tick.
+    fn began(&self) -> Option<Tick> {
+        None
+    }
     /// Returns the process's regions as they are now.
     fn readout(&self) -> &dyn Readout;
     /// Sets the flip to be made.

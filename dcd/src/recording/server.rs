@@ -104,6 +104,7 @@ impl Sent {
 pub(super) struct ServerReplay {
     entries: Entries,
     server: Server,
+    began: Tick,
     sent: Sent,
     parts: Vec<u8>,
 }
@@ -123,7 +124,8 @@ impl ServerReplay {
         let config = ServerConfig { world, min_nodes, grouping, avatar_expiry, events, can_build };
         let server = Server::of(config, origin);
         let server = server.map_err(|error| RecordingError::Undecodable(error.to_string()))?;
-        Ok(Self { entries, server, sent: Sent::default(), parts: Vec::new() })
+        let began = server.tick();
+        Ok(Self { entries, server, began, sent: Sent::default(), parts: Vec::new() })
     }
 
     /// Adds the outputs of an event to the digest.
@@ -145,6 +147,10 @@ impl Replayed for ServerReplay {
 
     fn was_cut_off(&self) -> bool {
         self.entries.was_cut_off()
+    }
+
+    fn began(&self) -> Option<Tick> {
+        Some(self.began)
     }
 
     fn readout(&self) -> &dyn Readout {

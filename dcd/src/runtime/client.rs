@@ -608,4 +608,15 @@ mod tests {
             assert_eq!(matches!(refused, ProcessError::Metrics { .. }), listens, "{role}: {refused}");
         }
     }
+
+    #[test]
+    fn who_is_refused_leaves_no_recording() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("node.dcdr");
+        let record = Some(path.clone());
+        let config = JoinConfig { record, ..JoinConfig::new(([127, 0, 0, 1], 1).into(), "no token") };
+        let refused = config.join(JoinRole::Node).unwrap_err();
+        assert!(!matches!(refused, ProcessError::Record { .. }), "{refused}");
+        assert!(!path.exists());
+    }
 }

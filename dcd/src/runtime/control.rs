@@ -53,6 +53,7 @@ impl LocalWorld {
         if !hits.is_empty() {
             self.tape_spoilt();
         }
+        hits.iter().try_for_each(|hit| self.host_mut().attend(hit.hit.body))?;
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 
@@ -86,6 +87,7 @@ impl LocalWorld {
         filter: &BodyFilter<'_>,
     ) -> Result<(), WorldError> {
         self.tape_spoilt();
+        self.host_mut().attend(vehicle.chassis())?;
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
     }
 

@@ -486,8 +486,12 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                 host.remove_joint(id);
             }
             WorldOp::ForgetShapes(names) => gone.extend(names),
-            WorldOp::Input(input) => host.obey(&input),
+            WorldOp::Input(input) => {
+                host.heed(input.body);
+                host.obey(&input);
+            }
             WorldOp::Push(push) => {
+                host.heed(push.body);
                 host.push(&push);
             }
             WorldOp::Alter(alteration) => {

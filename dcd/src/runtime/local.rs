@@ -190,7 +190,8 @@ impl LocalWorld {
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         check_speed(&record, self.host.settings().speed_limit_m_s())?;
         let taped = self.tape.is_some().then(|| vec![record.clone()]);
-        self.host.insert_one(record)?;
+        self.host.attend_new(&record)?;
+        self.or_spoil(|world| Ok(world.host.insert_one(record)?))?;
         if let Some(record) = taped {
             self.tape_bodies(record);
         }
@@ -198,8 +199,22 @@ impl LocalWorld {
         Ok(id)
     }
 
+    /// Does what may be refused though regions were brought to the present for it: only a snapshot can record
+    /// that.
+    fn or_spoil<R>(
+        &mut self,
+        change: impl FnOnce(&mut Self) -> Result<R, WorldError>,
+    ) -> Result<R, WorldError> {
+        let done = change(self);
+        if done.is_err() {
+            self.tape_spoilt();
+        }
+        done
+    }
+
     /// Removes a body with its colliders and joints.
     pub fn remove(&mut self, body: BodyId) -> Result<(), WorldError> {
+        self.host.attend(body)?;
         let done = self.host.remove(body);
         self.host.forget_unused_shapes();
         self.tape(done, || Operation::Remove(body));
@@ -238,11 +253,9 @@ impl LocalWorld {
 
     /// Changes damping, armature, friction and springs of a multibody joint.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
-        if !self.host.update_link(joint, settings) {
-            return Err(WorldError::NoJoint(joint));
-        }
         self.tape_spoilt();
-        Ok(())
+        self.host.attend_joint(joint)?;
+        if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before
@@ -258,11 +271,9 @@ impl LocalWorld {
             let (what, range) = ("velocity", "six finite numbers");
             return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
         }
-        if !self.host.set_link_velocity(joint, velocity) {
-            return Err(WorldError::NoJoint(joint));
-        }
         self.tape_spoilt();
-        Ok(())
+        self.host.attend_joint(joint)?;
+        if self.host.set_link_velocity(joint, velocity) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     fn tie(
@@ -287,7 +298,8 @@ impl LocalWorld {
         let id = JointId(self.next_joint);
         let link = link.map(|settings| settings.record());
         let record = JointRecord { link, ..joint_record(id, a, b, joint) };
-        self.host.tie(record.clone())?;
+        self.host.attend_ends(&record)?;
+        self.or_spoil(|world| Ok(world.host.tie(record.clone())?))?;
         self.tape(true, || Operation::InsertJoint(Box::new(record)));
         self.next_joint += 1;
         Ok(id)
@@ -295,6 +307,7 @@ impl LocalWorld {
 
     /// Removes a joint.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), WorldError> {
+        self.host.attend_joint(joint)?;
         let done = self.host.remove_joint(joint);
         self.tape(done, || Operation::RemoveJoint(joint));
         if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
@@ -306,6 +319,7 @@ impl LocalWorld {
         joint: JointId,
         mut change: impl FnMut(&mut GenericJoint),
     ) -> Result<(), WorldError> {
+        self.host.attend_joint(joint)?;
         let mut copies = Copies::new(self.tape.is_some());
         let done = self.host.update_joint(joint, |joint| {
             change(joint);
@@ -343,10 +357,12 @@ impl LocalWorld {
 
     fn advance(&mut self) -> Result<(), WorldError> {
         let start = Instant::now();
+        let early = self.host.take_early_forces();
         self.host.place_beginning()?;
         self.host.step()?;
         self.host.note_tick_time(start.elapsed().as_secs_f64() * 1e3);
         self.ledger.merge(self.host.events(), &mut self.events);
+        self.events.add_early(early);
         self.host.clear_events();
         self.strengths.look(&self.host);
         self.last_step = start.elapsed();
@@ -455,6 +471,7 @@ impl LocalWorld {
         body: BodyId,
         mut change: impl FnMut(&mut RigidBody) -> R,
     ) -> Result<R, WorldError> {
+        self.host.attend(body)?;
         let mut copies = Copies::new(self.tape.is_some());
         let changed = self.host.update(body, |body| {
             let result = change(body);
@@ -476,6 +493,7 @@ impl LocalWorld {
             value: format!("{push:?}"),
             range: rule,
         })?;
+        self.host.attend(push.body)?;
         let done = self.host.push(push);
         self.tape(done, || Operation::Push(*push));
         if done { Ok(()) } else { Err(WorldError::NoBody(push.body)) }
@@ -484,6 +502,7 @@ impl LocalWorld {
     /// Adds a collider to a body, as the last of its list.
     pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), WorldError> {
         self.tape_spoilt();
+        self.host.attend(body)?;
         if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
@@ -491,6 +510,7 @@ impl LocalWorld {
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         self.tape_spoilt();
+        self.host.attend(body)?;
         if self.host.remove_collider(body, index)? {
             self.host.forget_unused_shapes();
             return Ok(());
@@ -507,6 +527,7 @@ impl LocalWorld {
     ) -> Result<R, WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         self.tape_spoilt();
+        self.host.attend(body)?;
         let changed = self.host.update_collider(body, index, change);
         self.host.forget_unused_shapes();
         changed?.ok_or(WorldError::NoCollider { body, index, count })
@@ -514,7 +535,11 @@ impl LocalWorld {
 
     /// Moves a body to a pose at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
-        let done = self.host.teleport(body, pose)?;
+        if pose.is_valid() && self.contains(body) {
+            self.host.attend(body)?;
+            self.host.attend_at(pose.translation)?;
+        }
+        let done = self.or_spoil(|world| Ok(world.host.teleport(body, pose)?))?;
         self.tape(done, || Operation::SetPose(body, pose));
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
@@ -522,6 +547,9 @@ impl LocalWorld {
     /// Sets the kinematic target of a position-based kinematic body, which it reaches at the end of the next
     /// tick.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
+        if pose.is_valid() {
+            self.host.attend(body)?;
+        }
         let done = self.host.send_to(body, pose)?;
         self.tape(done, || Operation::SetNextPose(body, pose));
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
@@ -539,6 +567,7 @@ impl LocalWorld {
             record.state.velocity = velocity;
             check_speed(&record, limit_m_s)?;
         }
+        self.host.attend(body)?;
         let done = self.host.steer(body, &velocity);
         self.tape(done, || Operation::SetVelocity(body, velocity));
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
@@ -546,6 +575,9 @@ impl LocalWorld {
 
     /// Sets what the driver of a vehicle does from now on, and wakes the vehicle.
     pub(crate) fn drive(&mut self, body: BodyId, drive: &Drive) -> Result<(), WorldError> {
+        if self.host.traits(body).is_some_and(|traits| traits.vehicle.is_some()) {
+            self.host.attend(body)?;
+        }
         let done = self.host.drive(body, drive);
         self.tape(done, || Operation::Drive(body, *drive));
         match done {
@@ -594,6 +626,7 @@ impl LocalWorld {
             return Err(WorldError::Setting { what: "coupling", value: format!("{asked:?}"), range });
         }
         self.tape_spoilt();
+        self.host.catch_up_all()?;
         self.host.set_settings(settings);
         Ok(())
     }

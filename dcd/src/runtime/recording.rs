@@ -185,9 +185,15 @@ mod tests {
         let mut walked = world(Fidelity::AUTO);
         let memory = Memory::default();
         walked.record(memory.clone()).unwrap();
+        let ids: Vec<_> = walked.states().map(|(id, ..)| id).collect();
         for tick in 0..120_u8 {
             let view = Viewpoint { at: [f64::from(tick) - 60.0, 2.0, 0.0], radius_m: 20.0 };
             walked.set_viewpoints(&[view]).unwrap();
+            // Brings a region to the present.
+            if tick % 4 == 3 {
+                let pushed = ids[37 * usize::from(tick) % ids.len()];
+                walked.push(&Push::impulse(pushed, [0.0, 1.0, 0.0])).unwrap();
+            }
             walked.step().unwrap();
         }
         walked.stop_recording().unwrap();
@@ -300,7 +306,10 @@ mod tests {
         play(&mut world);
         world.stop_recording().unwrap();
         let bytes = tape.0.lock().unwrap().clone();
-        assert_eq!(checked(bytes, None), (181 * world.regions().len() as u64, None));
+        assert_eq!(checked(bytes.clone(), None), (181 * world.regions().len() as u64, None));
+        let mut again = replay(bytes);
+        while again.advance(Tick(u64::MAX)).unwrap() {}
+        assert_eq!((again.tick_count(), again.ticks()), (181, 91));
     }
 
     /// Hooks that let balls fall through the floor in every other half second, carry other bodies along, and

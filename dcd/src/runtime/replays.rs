@@ -140,10 +140,15 @@ impl LocalPhysics for LocalComputer {
                     .into_iter()
                     .try_for_each(|shape| world.host_mut().shapes_mut().add(shape).map(drop));
                 known.map_err(|error| error.to_string())?;
-                return world.host_mut().insert(bodies, &[]).map_err(|error| error.to_string());
+                let host = world.host_mut();
+                let attended = bodies.iter().try_for_each(|body| host.attend_new(body));
+                let inserted = attended.and_then(|()| host.insert(bodies, &[]));
+                return inserted.map_err(|error| error.to_string());
             }
             Operation::InsertJoint(joint) => {
-                return world.host_mut().tie(*joint).map_err(|error| error.to_string());
+                let host = world.host_mut();
+                let tied = host.attend_ends(&joint).and_then(|()| host.tie(*joint));
+                return tied.map_err(|error| error.to_string());
             }
             Operation::Update { body, copies } => {
                 let mut copies = copies.iter();
@@ -156,7 +161,10 @@ impl LocalPhysics for LocalComputer {
             // Shapes that no body has any more are kept: bodies with such a shape that come later were
             // recorded without it.
             Operation::Remove(body) => {
-                world.host_mut().remove(body).then_some(()).ok_or(WorldError::NoBody(body))
+                let host = world.host_mut();
+                let removed = host.attend(body).map(|()| host.remove(body));
+                let removed = removed.map_err(WorldError::from);
+                removed.and_then(|held| held.then_some(()).ok_or(WorldError::NoBody(body)))
             }
             Operation::RemoveJoint(joint) => world.remove_joint(joint),
             Operation::Push(push) => world.push(&push),

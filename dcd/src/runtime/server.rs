@@ -39,7 +39,7 @@ use crate::net::{
 use crate::physics::{ShapeLibrary, can_build};
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
-use crate::space::{DistributionTree, NodeId, Tick, Viewpoint};
+use crate::space::{BodyId, DistributionTree, NodeId, Tick, Viewpoint};
 
 /// How long nodes may take to report what they own, for a save. A node that hangs is given up within seconds.
 const SAVING: Duration = Duration::from_secs(30);
@@ -424,6 +424,11 @@ impl ServerProcess {
     /// Reads the record of the world: each body as the nodes last reported it, at most half a second ago.
     pub fn read<R>(&self, read: impl FnOnce(&Record) -> R) -> R {
         read(self.server.lock().unwrap_or_else(PoisonError::into_inner).record())
+    }
+
+    /// Returns the user data of a body that is or was in the world.
+    pub(crate) fn user_data(&self, id: BodyId) -> Option<u128> {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner).user_data(id)
     }
 
     /// Returns a copy of the world as it is after one tick, from what its nodes report. They stop for some

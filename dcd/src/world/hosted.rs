@@ -8,7 +8,6 @@ use rapier3d::prelude::*;
 
 use super::author::{Author, Known, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
-use super::departed::Departed;
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, SAVE};
@@ -41,8 +40,6 @@ pub(super) struct Hosted {
     settings: Option<StepSettings>,
     /// The contact events taken in by the last step.
     events: WorldEvents,
-    /// Bodies that the program has removed: ends of contacts still name them.
-    departed: Departed,
     /// The number of queries submitted.
     questions: u64,
     /// Queries that wait for the next step, together with what was done before them.
@@ -62,8 +59,8 @@ impl Hosted {
             Process::Node(_) => None,
         };
         let network = Network::new(connections.clone());
-        let (events, departed) = Default::default();
-        Self { network, author, process, settings, events, departed, questions: 0, waiting: Vec::new() }
+        let events = WorldEvents::default();
+        Self { network, author, process, settings, events, questions: 0, waiting: Vec::new() }
     }
 
     /// Returns the server and its program's author, or the error for a node.
@@ -196,7 +193,6 @@ impl Remote for Hosted {
 
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
-        self.departed.trim();
         // Events from before the end of the world are reported once, as all others.
         let events = self.server().map(ServerProcess::take_events);
         self.events = events.unwrap_or_default();
@@ -245,10 +241,7 @@ impl Remote for Hosted {
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
         let (server, author) = self.written("destroy bodies")?;
-        let user_data = author.known(server, id).map(|body| body.user_data);
-        author.remove(server, id)?;
-        self.departed.insert(id, user_data.unwrap_or(0));
-        Ok(())
+        author.remove(server, id)
     }
 
     fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
@@ -433,9 +426,8 @@ impl Remote for Hosted {
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
         let known = self.record(id).map(|body| body.user_data);
-        // Someone else may have removed the body.
-        let recorded = || self.server()?.read(|record| record.body(id).map(|body| body.user_data));
-        known.or_else(recorded).or_else(|| self.departed.get(id))
+        // Ends of contacts still name bodies that the program, a builder or a client has removed.
+        known.or_else(|| self.server()?.user_data(id))
     }
 
     fn body(&self, id: BodyId) -> Option<Body> {

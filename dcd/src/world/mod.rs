@@ -11,7 +11,6 @@ mod author;
 mod bodies;
 mod control;
 #[cfg(feature = "net")]
-mod departed;
 mod drawing;
 mod error;
 mod fidelity;

@@ -39,6 +39,9 @@ impl World {
     /// `query.number` is ignored. A query of a server's program sees what the program did since its last
     /// step: both are then sent with the next step. A node returns an error.
     ///
+    /// In a served world the answer may name bodies that this process does not know ([`World::contains`]): a
+    /// client with an area of interest is not told of all, and bodies come and go meanwhile.
+    ///
     /// ```
     /// use dcd::prelude::*;
     /// use dcd::query::{Query, QueryResult, RayQuery};

@@ -60,6 +60,8 @@ pub enum Instead {
     MakeSourceAnew,
     /// Move avatars.
     DriveAvatars,
+    /// Make the character walk, or insert another one.
+    Walk,
     /// Push by avatars.
     PushByAvatars,
     /// Push what a submitted query finds.
@@ -116,6 +118,9 @@ impl fmt::Display for Instead {
             Self::Serve => "it has no network; serve it (World::serve)",
             Self::MakeSourceAnew => "make the world anew with World::new",
             Self::DriveAvatars => "it drives its own avatars by set_velocity and set_pose",
+            Self::Walk => {
+                "a character obeys set_velocity and goes where it can walk; to have one elsewhere, remove it and insert another"
+            }
             Self::PushByAvatars => "it drives its own avatars, which push what they meet (set_velocity)",
             Self::PushFound => "push what a query finds (World::submit, World::push)",
             Self::MakeAvatars => "it has its own avatars (own_avatars) to meet them with",

@@ -16,7 +16,6 @@ use rapier3d::prelude::*;
 use self::inputs::PendingInput;
 use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
-use super::departed::Departed;
 use super::error::Error;
 use super::heard;
 use super::network::Network;
@@ -24,7 +23,7 @@ use super::remote::{Remote, check_vehicle};
 use super::role::{Instead, Role};
 use super::seen::Seen;
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
-use crate::cluster::BodyView as Heard;
+use crate::cluster::{BodyView as Heard, Departed};
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};
@@ -35,6 +34,9 @@ use crate::protocol::{
 };
 use crate::runtime::{ClientWorld, Presence, ProcessError, Stats, WorldError};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
+
+/// The most bodies of earlier steps whose user data is remembered once they are removed.
+const DEPARTED: usize = 4_096;
 
 /// The world of a client, builder or participant.
 pub(super) struct Served {
@@ -120,7 +122,8 @@ impl Served {
             let (body, joint) = self.world.next_built();
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
-        self.departed.trim();
+        // Before those that go in this step, all of which are remembered until the next.
+        self.departed.trim(DEPARTED);
         // Bodies to copy anew although nothing was told of them, since they are not leaving any more.
         let mut again = BTreeSet::new();
         for change in &heard.changes {
@@ -409,7 +412,7 @@ impl Remote for Served {
         self.check_link()?;
         pose.check().map_err(refused)?;
         if self.known(id).is_some_and(|body| body.traits.character.is_some()) {
-            return Err(self.unsupported("put its characters elsewhere", Instead::DriveAvatars));
+            return Err(self.unsupported("put its characters elsewhere", Instead::Walk));
         }
         self.inputs.entry(id).or_default().pose = Some(pose);
         if let Some(awaited) = self.awaited.get_mut(&id) {

@@ -245,6 +245,17 @@ impl Query {
                 if pipeline.colliders.iter().any(|(_, other)| other.shape().as_heightfield().is_some()) {
                     return Ok(());
                 }
+                // Nor against a half-space, which counts where it is met first.
+                let is_half_space = |id: ColliderId| {
+                    let all = pipeline.colliders.iter();
+                    let mut planes = all.filter(|(_, other)| other.shape().as_halfspace().is_some());
+                    planes.any(|(handle, _)| bare.name(handle) == id)
+                };
+                if let Some((_, time)) = ours.filter(|(id, _)| is_half_space(*id)) {
+                    let is_first = theirs.is_none_or(|(_, other)| time < other + CLOSE_M * (1.0 + other));
+                    prop_assert!(is_first, "cast_shape_nonlinear: {:?}, in one world {:?}", ours, theirs);
+                    return Ok(());
+                }
                 same_nearest("cast_shape_nonlinear", ours, theirs)
             }
         }

@@ -2,8 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
-use dcd::protocol::WorldPose;
+use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldMotion, WorldRay};
+use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::space::{Axis, BodyId, Bounds};
 use rapier3d::prelude::*;
@@ -246,7 +246,44 @@ fn questions_without_an_answer_are_refused_by_name() {
     assert_eq!(queries.intersect_aabb_conservative(&inside_out, &all), Err(QueryError::Box));
     let point = queries.project_point([f64::INFINITY; 3], 1.0, true, &all);
     assert_eq!(point, Err(QueryError::NotFinite("point")));
+    let (start, local_centre) = (WorldPose::default(), [0.0; 3]);
+    let motion = WorldMotion { start, local_centre, velocity: Velocity::linear([1.0, 0.0, 0.0]) };
+    let turned = queries.cast_shape_nonlinear(&HalfSpace::new(Vector::X), &motion, 0.0..1.0, true, &all);
+    assert_eq!(turned, Err(QueryError::CannotTurn));
     assert_eq!(queries.cast_ray(&ray.up_to(5.0), &all), Ok(None));
+}
+
+#[test]
+fn a_cast_that_turns_meets_a_half_space_where_it_meets_a_box() {
+    let grounds = [
+        ColliderBuilder::new(SharedShape::halfspace(Vector::Y)),
+        ColliderBuilder::cuboid(20.0, 1.0, 20.0).translation(Vector::new(0.0, -1.0, 0.0)),
+    ];
+    // A plank that comes down through the border, more and more on one end.
+    let plank = Cuboid::new(Vector::new(1.0, 0.1, 0.3));
+    let (start, local_centre) = (WorldPose::at([-1.5, 3.0, 0.3]), [0.0; 3]);
+    let velocity = Velocity { linear: [2.0, -4.0, 0.0], angular: [0.0, 0.0, 0.5] };
+    let motion = WorldMotion { start, local_centre, velocity };
+    let [on_half_space, on_box] = grounds.map(|ground| {
+        let mut world = halves();
+        let ground = world.insert(RigidBodyBuilder::fixed(), ground).unwrap();
+        let all = BodyFilter::default();
+        let cast = |end: f32| world.queries().cast_shape_nonlinear(&plank, &motion, 0.0..end, true, &all);
+        assert_eq!(cast(0.5).unwrap(), None, "it ends above the ground");
+        let hit = cast(1.0).unwrap().expect("it comes down");
+        assert_eq!((hit.body, hit.collider), (ground, 0));
+        hit
+    });
+    // Its end is down when 3 m are 4 t + sin(t / 2) + 0.1 cos(t / 2).
+    let time = f64::from(on_half_space.time_of_impact);
+    assert!((4.0 * time + (0.5 * time).sin() + 0.1 * (0.5 * time).cos() - 3.0).abs() < 1e-3, "{time}");
+    assert!((on_half_space.time_of_impact - on_box.time_of_impact).abs() < 1e-3, "{on_box:?}");
+    assert!(on_half_space.point[1].abs() < 1e-3, "{on_half_space:?}");
+    let [x, y, _] = on_half_space.point_on_shape;
+    assert!((x + 1.0).abs() < 1e-3 && (y + 0.1).abs() < 1e-3, "its left end is down: {on_half_space:?}");
+    for hit in [on_half_space, on_box] {
+        assert!((Vector::from(hit.normal) - Vector::Y).length() < 0.01, "{hit:?}");
+    }
 }
 
 #[test]

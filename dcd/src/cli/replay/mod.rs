@@ -42,8 +42,8 @@ pub(super) const RECORDING: &str = "dcdr";
 #[command(
     verbatim_doc_comment,
     after_long_help = "--json prints the keys ticks matches mismatch{node,tick,region,body,field,recorded,replayed}, where mismatch is null if all\n\
-        digests were as recorded; what a digest cannot tell is null too: of a server all but the tick. matches counts digests: one for each region and tick,\n\
-        and those of a server, of all that it has sent and stored."
+        digests were as recorded; what a digest cannot tell is null too: of a server all but the tick. ticks counts the ticks that were replayed.\n\
+        matches counts digests: one for each region and tick, and those of a server, of all that it has sent and stored."
 )]
 pub(super) struct Replay {
     /// Recordings of one world, or folders of such (*.dcdr)
@@ -88,7 +88,7 @@ impl Replay {
         }
         let until = Tick(self.dump.or(self.until).unwrap_or(u64::MAX));
         if let Some(at) = self.view {
-            let shown = seen::Shown { files: files(&self.files)?, until, check: self.check };
+            let shown = seen::Shown { files: files(&self.files, |_| ())?, until, check: self.check };
             shown.show(at, replay, again, interrupt, common)?;
             return Ok(interrupt.exit_code());
         }
@@ -103,7 +103,7 @@ impl Replay {
                 failed = Err(Failure::run(error.to_string()));
                 break;
             }
-            bar.set_position(replay.ticks());
+            bar.set_position(replay.tick_count());
             film.look(&replay);
         }
         bar.finish_and_clear();
@@ -194,7 +194,8 @@ pub(super) fn open(
         threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     let here = Maker::here();
     let (mut members, mut known) = (Vec::new(), BTreeSet::new());
-    for file in files(paths)? {
+    let say = |empty: &Path| common.say(&format!("{} is empty and left out", empty.display()));
+    for file in files(paths, say)? {
         if !known.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
             return Err(Failure::usage(format!("{} is given twice", file.display())));
         }
@@ -213,8 +214,9 @@ pub(super) fn open(
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))
 }
 
-/// Returns the files, with those of folders in place of the folders.
-fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+/// Returns the files, with those of folders in place of the folders. Empty files of folders are left out: those
+/// of processes that never began. Calls `left_out` for each.
+fn files(paths: &[PathBuf], mut left_out: impl FnMut(&Path)) -> Result<Vec<PathBuf>, Failure> {
     let fails = |path: &Path, error: std::io::Error| {
         Failure::usage(format!("cannot read {}: {error}; check the path", path.display()))
     };
@@ -227,12 +229,18 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         let before = files.len();
         for entry in fs::read_dir(path).map_err(|error| fails(path, error))? {
             let file = entry.map_err(|error| fails(path, error))?.path();
-            if file.extension().is_some_and(|ending| ending == RECORDING) {
+            if file.extension().is_none_or(|ending| ending != RECORDING) {
+                continue;
+            }
+            if file.metadata().is_ok_and(|file| file.is_file() && file.len() == 0) {
+                left_out(&file);
+            } else {
                 files.push(file);
             }
         }
         if files.len() == before {
-            return Err(Failure::usage(format!("{} has no *.{RECORDING}: give recordings", path.display())));
+            let why = format!("{} has no *.{RECORDING} that is not empty: give recordings", path.display());
+            return Err(Failure::usage(why));
         }
         files[before..].sort();
     }

@@ -6,7 +6,7 @@ use crate::recording::{FIELDS, Mismatch, Replay as Worlds, Who};
 
 /// Returns what a replay has found, as text for people.
 pub(super) fn words(replay: &Worlds) -> String {
-    let (ticks, matches) = (replay.ticks(), replay.matches());
+    let (ticks, matches) = (replay.tick_count(), replay.matches());
     let Some(found) = replay.mismatch() else {
         return format!("{ticks} ticks replayed; all {matches} digests of regions are as recorded");
     };
@@ -40,7 +40,7 @@ pub(super) fn csv(replay: &Worlds) -> String {
 
 /// Returns what a replay has found, as JSON.
 pub(super) fn json(replay: &Worlds) -> String {
-    let (ticks, matches) = (replay.ticks(), replay.matches());
+    let (ticks, matches) = (replay.tick_count(), replay.matches());
     let told = Told { ticks, matches, mismatch: replay.mismatch().map(ToldMismatch::new) };
     serde_json::to_string(&told).expect("numbers and text are JSON")
 }

@@ -5,9 +5,11 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::fidelity::{Fidelity, FidelityReport, Governed, Governor, LookedAt, RegionState, Schedule};
-use crate::protocol::{Area, EnvironmentProperties, View};
-use crate::space::{Allocation, Cell, ClientId, DistributionTree, NodeId, RegionId, Tick, Viewpoint};
+use crate::fidelity::{
+    ATTENDED_TICKS, Fidelity, FidelityReport, Governed, Governor, LookedAt, RegionState, Schedule,
+};
+use crate::protocol::{Area, EnvironmentProperties, View, WorldOp};
+use crate::space::{Allocation, BodyId, Cell, ClientId, DistributionTree, NodeId, RegionId, Tick, Viewpoint};
 
 /// The choice of the regions that stay behind.
 #[derive(Clone, Debug)]
@@ -22,6 +24,10 @@ pub(super) struct Scheduling {
     states: BTreeMap<RegionId, RegionState>,
     /// The region of which an island is audited in the present tick.
     audited: Option<RegionId>,
+    /// The bodies that the server's program has moved of late, each with the last tick in which it did.
+    attended: BTreeMap<BodyId, Tick>,
+    /// Says whether all regions are stepped in the present tick: which region such a body is in is not known.
+    attends: bool,
 }
 
 impl Scheduling {
@@ -38,6 +44,8 @@ impl Scheduling {
             cells: BTreeMap::new(),
             states: BTreeMap::new(),
             audited: None,
+            attended: BTreeMap::new(),
+            attends: false,
         };
         scheduling.settle(&view.tree, &view.allocation);
         Some(scheduling)
@@ -46,6 +54,15 @@ impl Scheduling {
     /// Sets the world's own viewpoints, which count whatever clients there are.
     pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
         self.viewpoints = viewpoints;
+    }
+
+    /// Takes in what the server's program does in a tick. The members keep the regions of bodies that it moves at
+    /// the present for some ticks from then on.
+    pub(super) fn attend(&mut self, tick: Tick, ops: &[WorldOp]) {
+        self.attended.retain(|_, last| tick.0 < last.0 + u64::from(ATTENDED_TICKS));
+        for body in ops.iter().filter_map(WorldOp::moves) {
+            self.attends |= self.attended.insert(body, tick).is_none();
+        }
     }
 
     /// Goes on with another tree: what was said of regions concerned those before.
@@ -98,9 +115,9 @@ impl Scheduling {
             by: self.allocation.get(region).map_or(0, |node| u64::from(node.0)),
         });
         let mut schedule = self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s);
-        if interests.is_none() {
-            // How far regions look ahead stays as it is, so that regions may lag again as soon as the
-            // interests are known.
+        if std::mem::take(&mut self.attends) || interests.is_none() {
+            // How far regions look ahead stays as it is, so that regions may lag again in the next tick, or as
+            // soon as the interests are known.
             schedule.behind.clear();
         }
         self.audited = schedule.audit.map(|pick| pick.region);
@@ -134,7 +151,7 @@ impl Scheduling {
 mod tests {
     use super::*;
     use crate::fidelity::Audited;
-    use crate::protocol::{Member, ViewNumber};
+    use crate::protocol::{Member, Push, ViewNumber};
     use crate::sim::sim_world;
     use crate::space::GroupId;
 
@@ -161,7 +178,7 @@ mod tests {
     /// Has both members tell the states of their regions after a tick, and chooses for a tick.
     fn tick(scheduling: &mut Scheduling, tick: u64, of: impl Fn(RegionState) -> RegionState) -> Schedule {
         for (region, node) in scheduling.allocation.clone() {
-            let state = RegionState { awaited: false, awake: 1_000, ..RegionState::unknown(region) };
+            let state = RegionState { urgent: false, awake: 1_000, ..RegionState::unknown(region) };
             scheduling.hear(node, Duration::from_millis(1), vec![of(state)]);
         }
         scheduling.schedule(Tick(tick), Some(&BTreeMap::new()), std::iter::empty())
@@ -178,7 +195,7 @@ mod tests {
             scheduling.hear(
                 HONEST,
                 Duration::ZERO,
-                vec![RegionState { awaited: false, ..RegionState::unknown(one) }],
+                vec![RegionState { urgent: false, ..RegionState::unknown(one) }],
             );
             let behind = scheduling.schedule(Tick(at), Some(&BTreeMap::new()), std::iter::empty()).behind;
             assert!(!behind.contains(&other));
@@ -187,6 +204,21 @@ mod tests {
         assert!(unknown.behind.is_empty(), "nobody knows");
         assert_eq!(unknown.behind_most, scheduling.governor.behind_most());
         assert!(unknown.behind_most > 0, "what may lag in the next tick is looked ahead for");
+    }
+
+    #[test]
+    fn what_the_program_moves_for_the_first_time_in_a_while_lets_no_region_stay_behind() {
+        let mut scheduling = scheduling(Fidelity::Tolerance { m_s: 1e6 });
+        let push = [WorldOp::Push(Push::impulse(BodyId::persistent(1), [1.0, 0.0, 0.0]))];
+        let mut all_step = Vec::new();
+        for at in 1..300 {
+            let moves = (200..220).contains(&at) || (226..240).contains(&at) || at == 247 || at == 255;
+            scheduling.attend(Tick(at), if moves { &push[..] } else { &[] });
+            let behind = tick(&mut scheduling, at, |state| state).behind;
+            all_step.extend((at >= 200 && behind.is_empty()).then_some(at));
+        }
+        // Members keep the region at the present for eight ticks after each push.
+        assert_eq!(all_step, [200, 247, 255]);
     }
 
     #[test]

@@ -19,6 +19,8 @@ pub const MAX_AVATARS: usize = 1_024;
 /// per minute, since all clients are told of the shapes. Each shape counts 256 bytes more than its record
 /// has.
 pub const MAX_SHAPE_BYTES: usize = 1 << 20;
+/// The most bodies whose user data is remembered once they are gone.
+const DEPARTED: usize = 65_536;
 
 impl Server {
     pub(super) fn hear_client(&mut self, client: ClientId, message: FromClient) {
@@ -200,7 +202,7 @@ impl Group {
         self.arriving.remove(&id);
         match (park, back) {
             (false, _) => {
-                self.forget_body(id);
+                self.forget_body(common, id);
                 self.owners.remove(&id);
             }
             (true, false) => self.record.set_life(id, Life::Parked),
@@ -209,7 +211,12 @@ impl Group {
     }
 
     /// Forgets a body and its joints for good, with the notes that they were altered.
-    pub(super) fn forget_body(&mut self, id: BodyId) {
+    pub(super) fn forget_body(&mut self, common: &mut Common, id: BodyId) {
+        if let Some(body) = self.record.body(id) {
+            common.departed.insert(id, body.user_data);
+            common.departed.trim(DEPARTED);
+        }
+        self.steered.forget(id);
         let joints = self.record.joints_of(id).map(|joint| Key::AlteredJoint(joint.id));
         let altered: Vec<_> = joints.chain([Key::AlteredBody(id), Key::WokenBody(id)]).collect();
         altered.into_iter().for_each(|key| self.retold.forget(key));

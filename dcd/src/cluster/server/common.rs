@@ -8,6 +8,7 @@ use super::fading::Fading;
 use super::moves::Moves;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
+use crate::cluster::departed::Departed;
 use crate::cluster::{Peer, Record};
 use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, HANDSHAKE_TIMEOUT};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
@@ -113,6 +114,8 @@ pub(super) struct Common {
     pub viewpoints: Vec<Viewpoint>,
     pub groups_changed: BTreeSet<GroupId>,
     pub fading: Fading,
+    /// Bodies that are not on record any more: ends of contacts still name them.
+    pub departed: Departed,
     pub outputs: VecDeque<ServerOutput>,
 }
 

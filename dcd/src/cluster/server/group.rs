@@ -14,6 +14,7 @@ use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use super::postponed::Postponed;
 use super::retold::Retold;
+use super::steered::Steered;
 use super::verdicts::Drawn;
 use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{Life, Record};
@@ -50,6 +51,8 @@ pub(super) struct Group {
     pub postponed: Postponed,
     /// What the program took away and altered, for leaders to come.
     pub retold: Retold,
+    /// The velocities that kinematic bodies were given.
+    pub steered: Steered,
     /// The region that owns each body, as members reported in the present view. Operators are told it, and it
     /// shows which member may report a removal.
     pub owners: BTreeMap<BodyId, RegionId>,
@@ -97,6 +100,7 @@ impl Group {
             arriving: BTreeSet::new(),
             postponed: Postponed::default(),
             retold: Retold::default(),
+            steered: Steered::default(),
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             believed: BTreeMap::new(),
@@ -293,6 +297,7 @@ impl Group {
                     }
                     self.arriving.remove(&checkpoint.id);
                     self.record.checkpoint(tick, checkpoint);
+                    self.steered.hold(&mut self.record, checkpoint.id);
                     let known = self.record.body(checkpoint.id);
                     if known.is_some_and(|body| body.epoch == checkpoint.epoch) {
                         self.owners.insert(checkpoint.id, checkpoint.region);

@@ -1,7 +1,7 @@
 //! Obeys the program of the server, and clients that may build: they insert, move and remove bodies and
 //! joints while nodes compute the world. What comes and goes is on record before anybody hears of it, so it
-//! outlives every node, and the server. A velocity or a push is lost with a leader that dies before it has
-//! passed it on.
+//! outlives every node, and the server. So do velocities of kinematic bodies. A jump, a push or another
+//! velocity is lost with a leader that dies before it has passed it on.
 
 use std::collections::BTreeMap;
 
@@ -168,7 +168,7 @@ impl Group {
         if body.traits.kind != BodyKind::Fixed {
             return self.retire(common, id, false);
         }
-        self.forget_body(id);
+        self.forget_body(common, id);
         // Nodes that load the world, or compute it, may hold the body.
         for entry in common.nodes.values_mut() {
             entry.scenery.remove(&id);
@@ -193,6 +193,7 @@ impl Group {
         match alteration {
             Alteration::Body { body, wakes, .. } => {
                 self.retold.keep(Key::AlteredBody(*body));
+                self.steered.is_altered(&self.record, *body);
                 if *wakes {
                     self.retold.add(Key::WokenBody(*body), common.now);
                 }
@@ -206,6 +207,7 @@ impl Group {
     }
 
     fn steer(&mut self, common: &mut Common, input: Input) {
+        self.steered.note(&mut self.record, &input);
         if self.view.is_none() {
             // Nobody computes the world, so only the record can be moved.
             if let Some(body) = self.record.body_mut(input.body) {

@@ -295,7 +295,8 @@ impl Server {
         self.last_group.0 += 1;
         self.common.world_changed = true;
         let (id, main) = (self.last_group, self.main());
-        let group = Group::new(id, main.record.copied(false), main.tick);
+        let mut group = Group::new(id, main.record.copied(false), main.tick);
+        group.steered.clone_from(&main.steered);
         self.groups.insert(id, group);
         id
     }

@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
+use super::dispatcher::Dispatcher;
 use super::host::{HostError, RegionHost};
 use super::query::{BodyFilter, QueryError};
 use super::{convert, record};
@@ -95,7 +96,7 @@ impl Neighbourhood {
 
     /// Returns the query pipeline over the colliders that a controller may find.
     fn pipeline(&self) -> QueryPipeline<'_> {
-        self.world.query_pipeline()
+        QueryPipeline { dispatcher: &Dispatcher, ..self.world.query_pipeline() }
     }
 
     /// Returns the same query pipeline for a controller that pushes bodies.

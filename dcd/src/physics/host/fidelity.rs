@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rapier3d::prelude::*;
 
-use super::RegionHost;
+use super::{HostError, RegionHost};
 use crate::fidelity::{
     Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, Pace, Pick, RegionState,
     Schedule, relative_time,
@@ -13,7 +13,8 @@ use crate::fidelity::{
 use crate::physics::audit::Audit;
 use crate::physics::coupling::{Clock, Side};
 use crate::physics::region::Region;
-use crate::space::{RegionId, RegionSet, Viewpoint, drawn};
+use crate::protocol::{BodyKind, BodyRecord, ContactForce, JointRecord};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick, Viewpoint, drawn};
 
 /// Ticks between two searches for loads out of proportion.
 const REFINE_TICKS: u64 = 16;
@@ -173,6 +174,7 @@ impl RegionHost {
         }
         self.behind_most = schedule.behind_most.min(COARSEST - 1);
         for side in &mut self.sides {
+            side.region.count_attended();
             let stays = self.behind.contains(side.region.rank());
             // A region at rest is the same at any time.
             let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
@@ -222,11 +224,137 @@ impl RegionHost {
         (self.behind, self.audited) = (RegionSet::EMPTY, None);
         self.behind_most = 0;
         self.late.clear();
-        self.sides.iter_mut().for_each(|side| side.clock = Clock::default());
+        for side in &mut self.sides {
+            side.clock = Clock::default();
+            side.region.forget_attended();
+        }
+    }
+
+    /// Has the regions that hold a body stepped in every tick for a while, since the program changes something
+    /// about it.
+    pub(crate) fn heed(&mut self, body: BodyId) {
+        if self.may_lag() {
+            self.heed_in(self.holding(body));
+        }
+    }
+
+    /// Does the same, and first brings these regions to the present, so that the change counts from now on, and for
+    /// as many ticks as it lasts. A process that computes a part of the world cannot do that alone.
+    pub(crate) fn attend(&mut self, body: BodyId) -> Result<(), HostError> {
+        if !self.may_lag() {
+            return Ok(());
+        }
+        let holding = self.holding(body);
+        self.heed_in(holding);
+        self.catch_up(holding)
+    }
+
+    /// Does the same for the movable bodies that a joint ties, or is to tie.
+    pub(crate) fn attend_ends(&mut self, joint: &JointRecord) -> Result<(), HostError> {
+        for end in [joint.a, joint.b] {
+            if self.immovable(end).is_none() {
+                self.attend(end)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Does the same for a joint by its id.
+    pub(crate) fn attend_joint(&mut self, joint: JointId) -> Result<(), HostError> {
+        let record = if self.may_lag() { self.joint(joint) } else { None };
+        record.map_or(Ok(()), |record| self.attend_ends(&record))
+    }
+
+    /// Does the same for a body that is to be inserted. A fixed one has no time of its own.
+    pub(crate) fn attend_new(&mut self, body: &BodyRecord) -> Result<(), HostError> {
+        match body.traits.kind {
+            BodyKind::Fixed => Ok(()),
+            _ => self.attend_at(body.state.pose.translation),
+        }
+    }
+
+    /// Does the same for the region that computes a place.
+    pub(crate) fn attend_at(&mut self, place: [f64; 3]) -> Result<(), HostError> {
+        if !self.may_lag() {
+            return Ok(());
+        }
+        let region = RegionSet::only(self.partition.rank_at(place));
+        self.heed_in(region);
+        self.catch_up(region)
+    }
+
+    /// Brings all regions to the present.
+    pub(crate) fn catch_up_all(&mut self) -> Result<(), HostError> {
+        self.catch_up(RegionSet::ALL)
+    }
+
+    /// Returns whether regions may be behind the present.
+    fn may_lag(&self) -> bool {
+        self.governor.is_some() || self.is_scheduled
+    }
+
+    fn holding(&self, body: BodyId) -> RegionSet {
+        self.regions().filter(|region| region.holds(body)).map(Region::rank).collect()
+    }
+
+    fn heed_in(&mut self, ranks: RegionSet) {
+        let regions = self.sides.iter_mut().map(|side| &mut side.region);
+        regions.filter(|region| ranks.contains(region.rank())).for_each(Region::attend);
+    }
+
+    /// Steps regions, and those that must be at one time with them, to the present: computes the last tick once
+    /// more, in which all others stay as they are. No tick ends with it.
+    fn catch_up(&mut self, mut due: RegionSet) -> Result<(), HostError> {
+        let owes = |side: &Side| side.clock.owed > 0 && due.contains(side.region.rank());
+        if self.governor.is_none() || !self.sides.iter().any(owes) {
+            return Ok(());
+        }
+        let bound = |side: &Side| side.bound_to().union(RegionSet::only(side.region.rank()));
+        let bound: Vec<_> = self.sides.iter().map(bound).collect();
+        loop {
+            let reached = bound.iter().filter(|bound| !bound.intersection(due).is_empty());
+            let all = reached.fold(due, |all, bound| all.union(*bound));
+            if std::mem::replace(&mut due, all) == all {
+                break;
+            }
+        }
+        let spans: Vec<_> = self.sides.iter().map(|side| side.clock.span).collect();
+        for side in &mut self.sides {
+            side.clock.span = 0;
+            if due.contains(side.region.rank()) {
+                std::mem::swap(&mut side.clock.span, &mut side.clock.owed);
+                side.region.foresee(side.clock.span);
+            }
+        }
+        let (now, told) = (self.tick, self.handovers.len());
+        self.tick = Tick(now.0 - 1);
+        let stepped = (0..self.rounds).try_for_each(|_| {
+            self.compute();
+            self.exchange()
+        });
+        (self.tick, self.round) = (now, 0);
+        self.early_handovers.extend(self.handovers.drain(told..));
+        self.note_spent();
+        for (side, span) in self.sides.iter_mut().zip(spans) {
+            if side.is_behind() {
+                side.clock.span = span;
+            }
+        }
+        self.set_rounds(self.rounds_wanted());
+        stepped
+    }
+
+    /// Takes the contact forces of steps between two ticks: see [`RegionHost::attend`].
+    pub(crate) fn take_early_forces(&mut self) -> Vec<ContactForce> {
+        let may_lag = self.may_lag();
+        let regions = self.sides.iter_mut().filter(|_| may_lag).map(|side| &mut side.region);
+        regions.flat_map(Region::take_forces).collect()
     }
 
     /// Returns the state of each region computed here after the last tick, in rank order.
     pub(crate) fn region_states(&self) -> Vec<RegionState> {
+        // Nothing stays behind if nobody looks ahead for that.
+        let (may_lag, longest_s) = (self.coarsest() > 1, self.settings.dt_s * f32::from(COARSEST));
         let state = |side: &Side| {
             let Side { region, clock, .. } = side;
             let rests = side.is_idle();
@@ -237,7 +365,10 @@ impl RegionHost {
                 region: region.id(),
                 behind: clock.owed,
                 rests,
-                awaited: side.is_awaited(),
+                // A region that is behind is as it was when that was found to be safe.
+                urgent: side.is_awaited()
+                    || region.is_attended()
+                    || may_lag && clock.owed == 0 && region.is_rushed(longest_s),
                 bound: side.bound_to(),
                 awake: region.physics().islands.num_active_bodies() as u32,
                 // A region at rest is not stepped, so it does not spend the time of its last steps.
@@ -352,14 +483,21 @@ impl RegionHost {
                 }
             }
         }
+        self.note_spent();
+        if let Some(governor) = &mut self.governor {
+            self.audited.iter().for_each(|(region, audited)| governor.note_audited(*region, audited));
+            governor.note_all(sum, weight);
+        }
+    }
+
+    /// Notes how long the steps have taken that were just done.
+    fn note_spent(&mut self) {
         if self.governor.is_none() {
             return;
         }
         let spent: Vec<_> = self.sides.iter().map(|side| self.spent_ms(side)).collect();
         let governor = self.governor.as_mut().expect("just asked");
         spent.into_iter().for_each(|[took_ms, full_ms]| governor.note_spent(took_ms, full_ms));
-        self.audited.iter().for_each(|(region, audited)| governor.note_audited(*region, audited));
-        governor.note_all(sum, weight);
     }
 
     /// Notes how long a tick took, for a budget.

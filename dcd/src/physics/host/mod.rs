@@ -121,6 +121,9 @@ pub struct RegionHost {
     transfers: u64,
     /// The handovers of the last step, and of insertions since.
     handovers: Vec<Handover>,
+    /// The handovers since the last step, of regions that caught up: the next step tells of them.
+    #[serde(skip)]
+    early_handovers: Vec<Handover>,
 }
 
 impl RegionHost {
@@ -166,6 +169,7 @@ impl RegionHost {
             exchange_time: Duration::ZERO,
             transfers: 0,
             handovers: Vec::new(),
+            early_handovers: Vec::new(),
         };
         for &region in hosted {
             host.add_region(region);
@@ -521,7 +525,7 @@ impl RegionHost {
     }
 
     fn step_all(&mut self) -> Result<(), HostError> {
-        self.handovers.clear();
+        self.handovers = std::mem::take(&mut self.early_handovers);
         if self.partition.len() > 1 {
             self.expect_launched();
         }

@@ -6,6 +6,7 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::query::{NonlinearRigidMotion, ShapeCastHit, ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
 
+use super::half_space::onto_half_space;
 use super::{Answerer, BodyFilter, Queries, QueryError, check};
 use crate::physics::convert;
 use crate::protocol::{Velocity, WorldPose};
@@ -170,6 +171,9 @@ impl Queries<'_> {
     /// Returns the first hit of a shape that moves and rotates, between two times in seconds. A shape that
     /// overlaps something at the start stops there at once or, without `stop_at_penetration`, only if it
     /// moves further in.
+    ///
+    /// # Errors
+    /// [`QueryError::CannotTurn`] for a half-space or terrain; [`Queries::cast_shape`] takes both.
     pub fn cast_shape_nonlinear(
         &self,
         shape: &dyn Shape,
@@ -184,6 +188,7 @@ impl Queries<'_> {
         check::vector(motion.velocity.angular, "shape's angular velocity")?;
         check::vector([times.start, times.end, 0.0], "start and end of the time")?;
         check::limit(f64::from(times.end - times.start), "time from start to end")?;
+        check::turns(shape)?;
         let mut best: Option<ShapeHit> = None;
         self.ask(filter, None, |answerer| {
             let motion = NonlinearRigidMotion {
@@ -209,12 +214,15 @@ impl Queries<'_> {
                     );
                     hit.ok().flatten()
                 };
-                let hit = match collider.shape().as_heightfield() {
-                    Some(field) => {
-                        let swept = swept(shape, &motion, &times);
-                        onto_terrain(field, &swept.transform_by(&collider.position().inverse()), cast)
-                    }
-                    None => cast(collider.shape()),
+                let onto = collider.shape();
+                let hit = if let Some(field) = onto.as_heightfield() {
+                    let swept = swept(shape, &motion, &times);
+                    onto_terrain(field, &swept.transform_by(&collider.position().inverse()), cast)
+                } else if let Some(half_space) = onto.as_halfspace() {
+                    let place = collider.position();
+                    onto_half_space(half_space, place, shape, &motion, &times, stop_at_penetration)
+                } else {
+                    cast(onto)
                 };
                 let Some(hit) = hit.map(|hit| hit.transform1_by(collider.position())) else { continue };
                 let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);

@@ -1,5 +1,7 @@
 //! Checks the arguments of queries, and defines the error for those that are out of range.
 
+use parry3d::shape::Shape;
+
 use crate::protocol::WorldPose;
 use crate::space::Bounds;
 
@@ -24,6 +26,9 @@ pub enum QueryError {
     /// A rotation is not a unit quaternion, to 1e-3.
     #[error("the {0} of the query has a rotation that is not a unit quaternion; normalise it")]
     Rotation(&'static str),
+    /// A half-space or terrain is to rotate on its way.
+    #[error("a half-space or terrain cannot rotate in a cast; cast it straight, or another shape onto it")]
+    CannotTurn,
     /// A box has its corners in the wrong order, or NaN in them.
     #[error("the box of the query is empty or has NaN in it; its min must not be above its max on any axis")]
     Box,
@@ -47,6 +52,12 @@ pub(in crate::physics) fn pose(pose: &WorldPose, what: &'static str) -> Result<(
 pub(super) fn limit(value: f64, what: &'static str) -> Result<(), QueryError> {
     // NaN is refused too: it is not above 0.
     if value >= 0.0 { Ok(()) } else { Err(QueryError::Limit { what, value }) }
+}
+
+/// Checks that a shape can rotate while it is cast: Parry has no such casts of half-spaces and terrain.
+pub(super) fn turns(shape: &dyn Shape) -> Result<(), QueryError> {
+    let cannot = shape.as_halfspace().is_some() || shape.as_heightfield().is_some();
+    if cannot { Err(QueryError::CannotTurn) } else { Ok(()) }
 }
 
 pub(super) fn bounds(bounds: &Bounds) -> Result<(), QueryError> {

@@ -12,6 +12,7 @@ mod cast;
 mod check;
 mod filter;
 mod found;
+mod half_space;
 mod nearest;
 mod overlap;
 mod point;

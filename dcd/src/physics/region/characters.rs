@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Region;
 use crate::physics::convert;
+use crate::physics::dispatcher::Dispatcher;
 use crate::protocol::{Character, Gait};
 use crate::space::BodyId;
 
@@ -212,7 +213,8 @@ impl Region {
         // The controller must not see which bodies are kinematic: at the gap from one that moves it would at
         // times be stuck.
         let nobody = RigidBodySet::new();
-        let queries = QueryPipeline { bodies: &nobody, ..world.query_pipeline_with_filter(filter) };
+        let queries = world.query_pipeline_with_filter(filter);
+        let queries = QueryPipeline { dispatcher: &Dispatcher, bodies: &nobody, ..queries };
         let around = self.around(&queries, part.shape(), &place, character.gap_m, stands.then_some(up));
         let level_m_s = wanted - up * wanted.dot(up);
         let go = |own_m_s: Vector| {

@@ -109,7 +109,7 @@ fn strayed(world: &PhysicsWorld, handle: RigidBodyHandle) -> bool {
     })
 }
 
-fn place(body: &RigidBody, collider: &Collider) -> Pose {
+pub(super) fn place(body: &RigidBody, collider: &Collider) -> Pose {
     *body.position() * collider.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY)
 }
 

@@ -17,7 +17,7 @@ const EXTRA: usize = 16;
 const STIFFER: f32 = 2.4;
 /// How far away a body foresees contacts in a step of several ticks, metres. Otherwise bodies would be found
 /// inside one another after the step.
-const FORESEEN_M: f32 = 1.0;
+pub(super) const FORESEEN_M: f32 = 1.0;
 /// The spin that counts is the one that one in this many bodies exceeds.
 const SPINNING: usize = 10;
 

@@ -436,10 +436,12 @@ impl Group {
                 common.stale += 1;
                 continue;
             }
-            match plan.owners.get(&body.id) {
+            let id = body.id;
+            match plan.owners.get(&id) {
                 Some(owner) if owner.node == node => self.record.reclaim(self.tick, body),
                 _ => self.record.freshen(self.tick, body),
             }
+            self.steered.hold(&mut self.record, id);
         }
         if last {
             self.conclude(common);

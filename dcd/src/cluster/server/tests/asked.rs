@@ -3,8 +3,9 @@
 use super::*;
 use crate::cluster::Key;
 use crate::cluster::directory::{Entry, Revision};
+use crate::cluster::server::steered::WRITE_EVERY;
 use crate::fidelity::Fidelity;
-use crate::protocol::{Alteration, BodyKind, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
+use crate::protocol::{Alteration, BodyKind, BodyState, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
 use crate::space::{JointId, Viewpoint};
 
 /// Returns the operations that leaders are told.
@@ -472,6 +473,51 @@ fn a_server_that_is_started_again_tells_what_nobody_may_have_heard_of() {
     assert_eq!(outputs.iter().find_map(dropped), Some(vec![BodyId::persistent(7)]));
     let told = [WorldOp::RemoveJoint(JointId(1)), WorldOp::Alter(altered), WorldOp::Alter(stretched)];
     assert_eq!(applied(outputs), told);
+}
+
+#[test]
+fn a_kinematic_body_has_the_velocity_on_record_that_it_was_given_last_whoever_dies() {
+    let id = BodyId::persistent(0);
+    let mut lift = sim_body(id, [1.0; 3]);
+    Arc::make_mut(&mut lift.traits).kind = BodyKind::KinematicVelocity;
+    let mut server = Server::new(config(1), Record::new(vec![lift], Vec::new(), Vec::new()));
+    let mut stored = Stored::new();
+    let from_node = |message| ServerEvent::Message { from: Peer::Node(NodeId(1)), message };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None, heard: 0 };
+    handled(&mut server, from_node(Message::Hello(Hello { version: VERSION, role })), &mut stored);
+    handled(&mut server, from_node(Message::ToServer(ToServer::Loaded)), &mut stored);
+    let view = server.view().expect("it has begun").number;
+    let goes = |speed: f32| {
+        let velocity = Velocity::linear([speed, 0.0, 0.0]);
+        let input = Input { body: id, logical_time: 0, tick: Tick(0), velocity, pose: None, drive: None };
+        ServerEvent::Program(vec![BuildOp::Move(input)])
+    };
+    let speed = |server: &Server| server.record().body(id).expect("it is there").state.velocity.linear[0];
+    handled(&mut server, goes(2.0), &mut stored);
+    assert_eq!(speed(&restarted(stored.clone())), 2.0, "it is written down before anybody hears of it");
+
+    // The node tells of a tick before it heard of the next velocity.
+    handled(&mut server, goes(3.0), &mut stored);
+    let body = server.record().body(id).expect("it is there").clone();
+    let state = BodyState { velocity: Velocity::linear([2.0, 0.0, 0.0]), ..body.state };
+    let epoch = body.epoch.next();
+    let checkpoint = BodyCheckpoint { id, region: RegionId(1), epoch, state };
+    let told = ToServer::Checkpoint { view, tick: Tick(9), division: 0, bodies: vec![checkpoint] };
+    handled(&mut server, from_node(Message::ToServer(told)), &mut stored);
+    assert_eq!(server.record().body(id).expect("it is there").epoch, epoch, "it is heard");
+    assert_eq!(speed(&server), 3.0, "if the node dies, another one takes the body over so");
+
+    server.handle_timeout(WRITE_EVERY);
+    for output in std::iter::from_fn(|| server.poll_output()) {
+        if let ServerOutput::Store(batch) = output {
+            assert!(batch.durable);
+            stored.extend(batch.writes);
+        }
+    }
+    assert_eq!(speed(&restarted(stored)), 3.0);
+    server.handle(2 * WRITE_EVERY, goes(3.0));
+    let is_store = |output: ServerOutput| matches!(output, ServerOutput::Store(_));
+    assert!(!std::iter::from_fn(|| server.poll_output()).any(is_store), "it is written down already");
 }
 
 #[test]

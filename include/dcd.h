@@ -247,9 +247,12 @@
 // a builder's, which has neither voxels nor half-spaces.
 #define DCD_REFUSED_SHAPE 7
 
-// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes that are not
-// forgotten yet: use the shapes that there are. For a builder: more than 4,096 bodies or joints of its own, more than 24,576
-// changes at once and 1,024 more each second, or more than 16 MiB of such shapes.
+// In DcdBodyChange.reason: the client wants too many avatars or too much of them.
+// - It has 1,024 avatars, or has brought 2,048 at once and 128 more each second, those that it destroyed included.
+// - It has asked too much of them at a time.
+// - It has brought more than 1 MiB of new shapes that are not forgotten yet: use the shapes that there are.
+// - For a builder: more than 4,096 bodies or joints of its own, more than 24,576 changes at once and 1,024 more each second, or
+//   more than 16 MiB of such shapes.
 #define DCD_REFUSED_TOO_MANY 8
 
 // In DcdBodyChange.reason: the body would cost too much.
@@ -1523,11 +1526,13 @@ typedef struct DcdTransfer {
 } DcdTransfer;
 
 // Change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
-// reported. In a local world nothing is.
+// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. In a local world
+// nothing is reported.
 typedef struct DcdBodyChange {
     // The body; null when a refusal concerns none.
     DcdBodyId body;
-    // User data of the body, from the program or from whoever made it.
+    // User data of the body, from the program or from whoever made it; 0 for a body of another process that came and went between
+    // two steps.
     uint64_t user_data;
     // Kind: DCD_BODY_APPEARED, DCD_BODY_REMOVED or DCD_BODY_REFUSED.
     uint32_t kind;
@@ -2944,9 +2949,9 @@ DCD_API DcdStatus dcd_pose_interpolate(const DcdPose *from, const DcdPose *to, d
 // Teleports a body to a pose, whatever is there, and wakes it.
 //
 // - In a local world any body may be moved, also a fixed one. The body keeps its velocity.
-// - A client or participant moves its own avatars except characters. A server moves all but fixed bodies; a builder does so with
-//   the world's own. The next dcd_step asks for it. The body gets the velocity that this process last heard of (dcd_body_get), up
-//   to half a second old, or the one that is set in the same step.
+// - A client or participant moves its own avatars except characters, which obey dcd_body_set_velocity alone. A server moves all
+//   but fixed bodies; a builder does so with the world's own. The next dcd_step asks for it. The body gets the velocity that this
+//   process last heard of (dcd_body_get), up to half a second old, or the one that is set in the same step.
 //
 // Errors:
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID.
@@ -3848,6 +3853,9 @@ DcdStatus dcd_overlap_box_each(DcdWorld world,
 //
 // - Served world. A client, a participant or the server's program asks the nodes. Each node answers for the bodies that it owns,
 //   as they are after one and the same step, and the nearest counts. That takes some steps, and longer while nodes join or leave.
+// - Unknown bodies. The nodes may find what this process does not know: bodies that a client with an area of interest was not told
+//   of (dcd_interest_set), and bodies that come or go meanwhile. Such a hit has an id that is not valid (dcd_body_is_valid), and 0
+//   as user_data and material.
 // - Local world. The answer is there at once.
 // - Server. What its program did since its last dcd_step is there for the query, which is then sent with the next dcd_step.
 //
@@ -4000,6 +4008,7 @@ DcdStatus dcd_body_owner(DcdWorld world,
 // - Bodies outside. They stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 //   DcdStateView.flags and with DcdBodyInfo.outside. That they are removed or touch avatars of this process is reported all the
 //   same. So is that they appear, unless the client joined with an interest.
+// - Queries. What is submitted is answered from the whole world (dcd_rays_submit).
 // - Leaving and entering. What leaves the area is told so. What comes in, by its own motion or as the interest moves over it, is
 //   told within a few steps, also when it rests by then. It counts as outside until then.
 //

@@ -329,6 +329,40 @@ fn whoever_rides_on_a_long_platform_goes_along_over_borders() {
     }
 }
 
+/// It shoves a long box aside that lies across the border, on which it walks along.
+#[test]
+fn it_keeps_its_distance_from_what_it_shoves_over_a_border() {
+    let narrowest_m = |mut world: World| {
+        let at = WorldPose::at([-1.5, 0.4, 0.8]);
+        let beam = ColliderBuilder::cuboid(3.0, 0.4, 0.4).density(60.0).friction(0.3);
+        let beam = world.insert_at(at, RigidBodyBuilder::dynamic(), [beam]).unwrap();
+        let id = walker(&mut world, [-1.6, STANDS_M, 0.0]);
+        run(&mut world, 30);
+        go(&mut world, id, [1.5, 0.0, 0.6]);
+        let mut narrowest_m = f64::INFINITY;
+        for _ in 0..200 {
+            run(&mut world, 1);
+            let pose = world.pose(beam).unwrap();
+            let turn = pose.rotation;
+            let yaw = 2.0 * f64::from(turn[1]).atan2(f64::from(turn[3]));
+            let off: [f64; 3] = std::array::from_fn(|axis| place(&world, id)[axis] - pose.translation[axis]);
+            // Along and across the beam.
+            let (along, across) =
+                (off[0] * yaw.cos() - off[2] * yaw.sin(), off[0] * yaw.sin() + off[2] * yaw.cos());
+            if along.abs() < 3.0 {
+                narrowest_m = narrowest_m.min(-across - 0.4 - 0.3);
+            }
+        }
+        narrowest_m
+    };
+    let one_m = narrowest_m(world(0, Coupling::Auto));
+    assert!((0.01..0.03).contains(&one_m), "in one region {one_m} m");
+    for cuts in [1, 2] {
+        let cut_m = narrowest_m(world(cuts, Coupling::Auto));
+        assert!(cut_m > one_m - 0.004, "{cuts} borders: {cut_m} m, in one region {one_m} m");
+    }
+}
+
 #[test]
 fn it_is_lifted_and_shoved_and_not_passed_through() {
     for (name, mut world) in worlds() {

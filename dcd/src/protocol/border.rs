@@ -146,6 +146,8 @@ pub struct NearbyBody {
     pub stays: bool,
     /// Says whether the body is part of a multibody, which two regions never hold.
     pub articulated: bool,
+    /// Says whether the body is a character or a vehicle: what it meets must be where it goes.
+    pub driven: bool,
     /// The regions that hold the body, or may own it in the ticks that the sender looks ahead. Bodies that
     /// carry it must be there too.
     pub goes: RegionSet,

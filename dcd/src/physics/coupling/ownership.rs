@@ -167,11 +167,13 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let is_sent = |meeting: &Meeting, handle| {
         meeting.island > 0 && !meeting.outweighs() && (meeting.stays || !draws(handle))
     };
+    let own = RegionSet::only(region.rank());
     let met = predicted.meetings.iter().filter_map(|meeting| {
         let handle = region.handle_of(meeting.own)?;
-        is_sent(meeting, handle).then_some((handle, meeting.rank))
+        is_sent(meeting, handle).then_some((handle, meeting.concerned().without(own)))
     });
-    let met = met.chain(joining);
+    let met = met.chain(joining.map(|(handle, rank)| (handle, RegionSet::only(rank))));
+    let met = met.chain(predicted.on_the_way(region, moment.partition));
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
     let out = predicted.near.iter().filter(|near| !region.cell().contains_box(&near.swept));

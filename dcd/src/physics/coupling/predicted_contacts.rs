@@ -75,10 +75,10 @@ pub(super) struct Near {
     pub island: u16,
     /// Says whether this region keeps its island at home.
     stays: bool,
-    /// Says whether it goes by no island: a part of a multibody, a character or a vehicle.
-    rooted: bool,
     /// Says whether it is a part of a multibody.
     articulated: bool,
+    /// Says whether it is a character or a vehicle.
+    driven: bool,
 }
 
 impl Near {
@@ -90,8 +90,9 @@ impl Near {
             velocity: self.velocity.to_array(),
             awake: self.awake,
             island: self.island,
-            stays: self.stays || self.rooted,
+            stays: self.stays || self.articulated || self.driven,
             articulated: self.articulated,
+            driven: self.driven,
             goes: RegionSet::EMPTY,
         }
     }
@@ -118,6 +119,8 @@ pub(super) struct Meeting {
     pub stays: bool,
     /// Says whether the other body is a part of a multibody.
     pub articulated: bool,
+    /// Says whether the other body is a character or a vehicle.
+    pub driven: bool,
     /// Regions that hold the other body, or may come to own it soon.
     pub goes: RegionSet,
 }
@@ -127,6 +130,13 @@ impl Meeting {
     /// one is to be held by both regions. Both regions know the same sizes.
     pub(super) fn outweighs(self) -> bool {
         !self.stays && island::outweighs(self.own_island, self.island)
+    }
+
+    /// Returns the regions that must hold the body owned here for what it meets: that of the other body, and those
+    /// that this body goes to if it is driven.
+    pub(super) fn concerned(self) -> RegionSet {
+        let goes = if self.driven { self.goes } else { RegionSet::EMPTY };
+        goes.union(RegionSet::only(self.rank))
     }
 }
 
@@ -182,10 +192,19 @@ impl PredictedContacts {
         for rank in changed.iter() {
             for_each_overlap(&shown[rank].bodies, &seen[rank].bodies, f64::from(*ahead_s), |own, other| {
                 if own.awake || other.awake {
-                    let NearbyBody { island, stays, articulated, goes, .. } = *other;
+                    let NearbyBody { island, stays, articulated, driven, goes, .. } = *other;
                     // What else belongs to a sleeping body's island is not known.
                     let (own, own_island) = (own.id, if other.awake { own.island } else { 0 });
-                    meetings.push(Meeting { own, own_island, rank, island, stays, articulated, goes });
+                    meetings.push(Meeting {
+                        own,
+                        own_island,
+                        rank,
+                        island,
+                        stays,
+                        articulated,
+                        driven,
+                        goes,
+                    });
                 }
             });
         }
@@ -301,23 +320,43 @@ impl PredictedContacts {
         region: &Region,
         partition: &Partition,
     ) -> Vec<(RigidBodyHandle, RegionSet)> {
+        let is_carried = |near: &Near| near.driven || is_dynamic(region, near);
+        self.going_with(region, partition, |near| !is_carried(near), is_carried)
+    }
+
+    /// Returns the dynamic bodies owned here that a character or a vehicle of this region may meet, with the
+    /// regions where that may soon be.
+    pub(super) fn on_the_way(
+        &self,
+        region: &Region,
+        partition: &Partition,
+    ) -> Vec<(RigidBodyHandle, RegionSet)> {
+        self.going_with(region, partition, |near| is_dynamic(region, near), |near| near.driven)
+    }
+
+    /// Returns the bodies that `stays` selects and that may touch one that `goes` selects, with the regions where
+    /// that one may soon be.
+    fn going_with(
+        &self,
+        region: &Region,
+        partition: &Partition,
+        stays: impl Fn(&Near) -> bool,
+        goes: impl Fn(&Near) -> bool,
+    ) -> Vec<(RigidBodyHandle, RegionSet)> {
         let own = RegionSet::only(region.rank());
-        let is_carried = |near: &&Near| {
-            let traits = &region.slot(near.link.handle).traits;
-            traits.kind == BodyKind::Dynamic || traits.character.is_some()
-        };
-        let carriers: Vec<_> = self.near.iter().filter(|near| !is_carried(near)).map(Near::nearby).collect();
-        if carriers.is_empty() {
-            return Vec::new();
-        }
-        let going = self.near.iter().filter(is_carried).filter(|near| near.awake);
+        let going = self.near.iter().filter(|near| near.awake && goes(near));
         let going =
             going.map(|near| NearbyBody { goes: near.goes(region, partition).without(own), ..near.nearby() });
         let going: Vec<_> = going.filter(|near| !near.goes.is_empty()).collect();
+        if going.is_empty() {
+            return Vec::new();
+        }
+        let staying: Vec<_> = self.near.iter().filter(|near| stays(near)).map(Near::nearby).collect();
         let mut found = Vec::new();
-        let ahead_s = f64::from(self.ahead_s);
-        for_each_overlap(&carriers, &going, ahead_s, |carrier, carried| {
-            found.extend(region.handle_of(carrier.id).map(|handle| (handle, carried.goes)));
+        for_each_overlap(&staying, &going, f64::from(self.ahead_s), |one, other| {
+            if one.id != other.id {
+                found.extend(region.handle_of(one.id).map(|handle| (handle, other.goes)));
+            }
         });
         found
     }
@@ -514,6 +553,10 @@ pub(super) fn look(
 /// The mark of a body that is far from any border.
 const FAR: u32 = u32::MAX;
 
+fn is_dynamic(region: &Region, near: &Near) -> bool {
+    region.slot(near.link.handle).traits.kind == BodyKind::Dynamic
+}
+
 fn index_of(handle: RigidBodyHandle) -> usize {
     handle.into_raw_parts().0 as usize
 }
@@ -531,7 +574,7 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let velocity = region.heading(link.handle, velocity);
     let swept = bounds.swept(velocity.to_array(), f64::from(ahead_s));
-    let (traits, articulated) = (&region.slot(link.handle).traits, region.is_articulated(link.handle));
+    let traits = &region.slot(link.handle).traits;
     Near {
         link,
         bounds,
@@ -541,8 +584,8 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
         awake: true,
         island: 1,
         stays: false,
-        rooted: articulated || traits.character.is_some() || traits.vehicle.is_some(),
-        articulated,
+        articulated: region.is_articulated(link.handle),
+        driven: traits.character.is_some() || traits.vehicle.is_some(),
     }
 }
 
@@ -624,7 +667,7 @@ pub(super) fn show(
                 true => near.island,
                 false => u16::from(slot.traits.character.is_some() || near.articulated),
             },
-            goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
+            goes: if dynamic || near.driven { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
             ..near.nearby()
         });
         let reaches = (!region.cell().contains_box(&bounds)).then_some(bounds);

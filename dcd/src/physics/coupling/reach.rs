@@ -36,8 +36,8 @@ impl Reach {
     /// and this one.
     ///
     /// - `leaving`: bodies owned here that are on their way to another region, with that region's rank.
-    /// - `met`: bodies owned here with a predicted contact to a body that another region owns or leads, with
-    ///   that region's rank. They are one hop away.
+    /// - `met`: bodies owned here with a predicted contact to a body that other regions own, lead or will own,
+    ///   with these regions. They are one hop away.
     pub(super) fn spread(
         &mut self,
         region: &Region,
@@ -45,7 +45,7 @@ impl Reach {
         shared: &SharedBodies,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
-        met: impl Iterator<Item = (RigidBodyHandle, usize)>,
+        met: impl Iterator<Item = (RigidBodyHandle, RegionSet)>,
     ) {
         let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         let outweighs = |other, ghost: RigidBodyHandle| {
@@ -84,8 +84,8 @@ impl Reach {
                 }
             }
             let met = met.take().into_iter().flatten();
-            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle)) {
-                self.mark(handle, RegionSet::only(rank));
+            for (handle, regions) in met.filter(|(handle, _)| !region.is_articulated(*handle)) {
+                self.mark(handle, regions);
             }
             std::mem::swap(&mut self.frontier, &mut self.next);
         }

@@ -174,6 +174,7 @@ mod tests {
             island: 1,
             stays: false,
             articulated: false,
+            driven: false,
             goes,
         }
     }

@@ -549,8 +549,11 @@ impl Server {
         self.tell_leaders();
         let now = self.common.now;
         let soft = self.store_at.take_if(|at| *at <= now).is_some();
-        if self.steered_at <= now && self.main_mut().write_steered() {
-            self.steered_at = now + steered::WRITE_EVERY;
+        if self.steered_at <= now {
+            let main = self.main_mut();
+            if main.steered.mark_unwritten(&mut main.record) {
+                self.steered_at = now + steered::WRITE_EVERY;
+            }
         }
         self.store(mark, soft);
         if self.main().record.has_moved() {

@@ -5,7 +5,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::group::Group;
 use crate::cluster::Record;
 use crate::protocol::{BodyKind, Input, Velocity};
 use crate::space::BodyId;
@@ -61,15 +60,13 @@ impl Steered {
     pub(super) fn has_unwritten(&self) -> bool {
         !self.unwritten.is_empty()
     }
-}
 
-impl Group {
     /// Marks the bodies whose velocities are not written down yet as to be written. Returns whether there are
     /// any.
-    pub(super) fn write_steered(&mut self) -> bool {
-        let unwritten = std::mem::take(&mut self.steered.unwritten);
+    pub(super) fn mark_unwritten(&mut self, record: &mut Record) -> bool {
+        let unwritten = std::mem::take(&mut self.unwritten);
         let any = !unwritten.is_empty();
-        self.record.mark(unwritten);
+        record.mark(unwritten);
         any
     }
 }

@@ -148,6 +148,8 @@ pub struct NearbyBody {
     pub articulated: bool,
     /// Says whether the body is a character or a vehicle: what it meets must be where it goes.
     pub driven: bool,
+    /// Says whether the body asks for continuous collision detection: what it meets must be wherever it is held.
+    pub ccd: bool,
     /// The regions that hold the body, or may own it in the ticks that the sender looks ahead. Bodies that
     /// carry it must be there too.
     pub goes: RegionSet,

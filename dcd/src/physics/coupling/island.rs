@@ -95,6 +95,8 @@ pub(super) struct Island {
     pub pressed: bool,
     /// Says whether it touches something that no contact moves.
     grounded: bool,
+    /// Says whether it does, or is tied to something that no contact moves: its momentum is not conserved.
+    pub anchored: bool,
     /// Says whether it is to be whole, by the sizes of its parts; as it was, until these are summed up.
     whole: bool,
     /// Ticks for which the sizes of its parts have contradicted `whole`.
@@ -349,6 +351,7 @@ impl Islands {
                     island.members.push(BodyRef { id: slot.id, handle });
                     island.pressed = island.pressed || region.is_pressed(handle);
                     island.grounded = island.grounded || region.is_grounded(handle);
+                    island.anchored = island.anchored || island.grounded || region.is_tied_down(handle);
                     island.whole |= slot.whole;
                     island.doubt = island.doubt.max(slot.doubt);
                     let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
@@ -495,6 +498,7 @@ impl Island {
         self.ghosts += other.ghosts;
         self.pressed |= other.pressed;
         self.grounded |= other.grounded;
+        self.anchored |= other.anchored;
         self.beside.extend(other.beside);
         self.unheard.extend(other.unheard);
     }

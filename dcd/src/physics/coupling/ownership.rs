@@ -164,8 +164,10 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let large = |handle| draws(handle) && islands.of(handle).is_some_and(|island| island.large);
     let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !large(*handle));
     // Of two islands that would both be kept at home, each is sent to the other's region.
+    let is_anchored = |handle| islands.of(handle).is_some_and(|island| island.anchored);
     let is_sent = |meeting: &Meeting, handle| {
-        meeting.island > 0 && !meeting.outweighs() && (meeting.stays || !draws(handle))
+        let waits = draws(handle) && !meeting.stays || is_anchored(handle) && meeting.outweighs();
+        meeting.island > 0 && !waits
     };
     let own = RegionSet::only(region.rank());
     let met = predicted.meetings.iter().filter_map(|meeting| {

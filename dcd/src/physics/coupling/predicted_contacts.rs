@@ -79,6 +79,8 @@ pub(super) struct Near {
     articulated: bool,
     /// Says whether it is a character or a vehicle.
     driven: bool,
+    /// Says whether it asks for continuous collision detection.
+    ccd: bool,
 }
 
 impl Near {
@@ -93,6 +95,7 @@ impl Near {
             stays: self.stays || self.articulated || self.driven,
             articulated: self.articulated,
             driven: self.driven,
+            ccd: self.ccd,
             goes: RegionSet::EMPTY,
         }
     }
@@ -108,7 +111,8 @@ impl Near {
 pub(super) struct Meeting {
     /// The body owned here.
     pub own: BodyId,
-    /// The size of its island as sent to the other region; 0 if the other body sleeps.
+    /// The size of its island as sent to the other region; 0 if the other body sleeps, or asks for continuous
+    /// collision detection.
     own_island: u16,
     /// Rank of the other body's owner.
     pub rank: usize,
@@ -127,7 +131,7 @@ pub(super) struct Meeting {
 
 impl Meeting {
     /// Returns whether the island of the body owned here is so much larger than the other one that only that
-    /// one is to be held by both regions. Both regions know the same sizes.
+    /// one need be held by both regions. Both regions know the same sizes.
     pub(super) fn outweighs(self) -> bool {
         !self.stays && island::outweighs(self.own_island, self.island)
     }
@@ -193,8 +197,10 @@ impl PredictedContacts {
             for_each_overlap(&shown[rank].bodies, &seen[rank].bodies, f64::from(*ahead_s), |own, other| {
                 if own.awake || other.awake {
                     let NearbyBody { island, stays, articulated, driven, goes, .. } = *other;
-                    // What else belongs to a sleeping body's island is not known.
-                    let (own, own_island) = (own.id, if other.awake { own.island } else { 0 });
+                    // What else belongs to a sleeping body's island is not known. A copy that CCD has not
+                    // stopped would go on.
+                    let weighs = other.awake && !other.ccd;
+                    let (own, own_island) = (own.id, if weighs { own.island } else { 0 });
                     meetings.push(Meeting {
                         own,
                         own_island,
@@ -586,6 +592,7 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
         stays: false,
         articulated: region.is_articulated(link.handle),
         driven: traits.character.is_some() || traits.vehicle.is_some(),
+        ccd: body.is_ccd_enabled(),
     }
 }
 

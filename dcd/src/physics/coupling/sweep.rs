@@ -175,6 +175,7 @@ mod tests {
             stays: false,
             articulated: false,
             driven: false,
+            ccd: false,
             goes,
         }
     }

@@ -108,16 +108,17 @@ impl Region {
             let sleeps = |body: &RigidBody| body.is_dynamic() && body.is_sleeping() && is_still(body);
             if let Some(body) = body.filter(|body| sleeps(body)) {
                 body.wake_up(false);
-                let activation = body.activation_mut();
-                // It has been still for long enough, and has not moved since, wherever Rapier takes it to have
-                // been.
-                activation.time_since_can_sleep = activation.time_until_sleep;
-                let thresholds =
-                    [&mut activation.normalized_linear_threshold, &mut activation.angular_threshold];
-                woken.push((handle, thresholds.map(|threshold| std::mem::replace(threshold, f32::INFINITY))));
+                woken.push((handle, lull(body)));
             }
         }
         woken
+    }
+
+    /// Has Rapier put bodies to sleep in the next step before it solves, unless what they touch is awake.
+    /// Returns them, with what [`Region::restore_thresholds`] gives back.
+    pub(super) fn lull(&mut self, bodies: &[RigidBodyHandle]) -> Vec<(RigidBodyHandle, [f32; 2])> {
+        let all = &mut self.world.bodies;
+        bodies.iter().filter_map(|&handle| Some((handle, lull(all.get_mut(handle)?)))).collect()
     }
 
     /// Gives bodies back the speeds below which they may sleep.
@@ -138,6 +139,15 @@ impl Region {
             self.note_awake(link.handle, !stepped.contains(&link.handle.into_raw_parts()));
         }
     }
+}
+
+/// Makes an awake body one that has been still for long enough, and has not moved since, wherever Rapier takes it to
+/// have been. Returns the speeds below which it may sleep.
+fn lull(body: &mut RigidBody) -> [f32; 2] {
+    let activation = body.activation_mut();
+    activation.time_since_can_sleep = activation.time_until_sleep;
+    let thresholds = [&mut activation.normalized_linear_threshold, &mut activation.angular_threshold];
+    thresholds.map(|threshold| std::mem::replace(threshold, f32::INFINITY))
 }
 
 #[cfg(test)]

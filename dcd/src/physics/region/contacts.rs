@@ -136,6 +136,11 @@ impl Region {
         self.world.bodies[handle].colliders().iter().any(touches)
     }
 
+    /// Returns whether a joint ties a body to something that no contact moves.
+    pub(in crate::physics) fn is_tied_down(&self, handle: RigidBodyHandle) -> bool {
+        self.tied_to(handle).any(|other| !self.world.bodies[other].is_dynamic())
+    }
+
     /// Returns whether anything is near enough to a body to touch it, or a joint ties it.
     pub(in crate::physics) fn may_collide(&self, handle: RigidBodyHandle) -> bool {
         let is_near = |&collider: &ColliderHandle| {

@@ -10,7 +10,6 @@
 mod author;
 mod bodies;
 mod control;
-#[cfg(feature = "net")]
 mod drawing;
 mod error;
 mod fidelity;

@@ -32,8 +32,8 @@ const STAY: f32 = 0.25;
 /// it.
 const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
-/// How many times as large as another island one must be for that one alone to be held by the regions of both
-/// when they meet.
+/// The least ratio of the sizes of two islands that meet at which the smaller one alone is held by both their
+/// regions, if the larger one is anchored.
 const OUTWEIGHS: u16 = 2;
 /// Ticks from when a region finds its islands until its neighbours have used the parts that it sent.
 const TICKS_PER_HOP: u32 = 2;

@@ -161,8 +161,9 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
     let Border { reach, islands, pace, predicted, shared, .. } = border;
     let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
-    let large = |handle| draws(handle) && islands.of(handle).is_some_and(|island| island.large);
-    let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !large(*handle));
+    let draws_large =
+        |handle| islands.of(handle).is_some_and(|island| island.large && island.draws(region.rank()));
+    let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !draws_large(*handle));
     // Of two islands that would both be kept at home, each is sent to the other's region.
     let is_anchored = |handle| islands.of(handle).is_some_and(|island| island.anchored);
     let is_sent = |meeting: &Meeting, handle| {

@@ -130,14 +130,14 @@ pub(super) struct Meeting {
 }
 
 impl Meeting {
-    /// Returns whether the island of the body owned here is so much larger than the other one that only that
-    /// one need be held by both regions. Both regions know the same sizes.
+    /// Returns whether the island of the body owned here is so much larger than the other one that the other one
+    /// alone need be held by both regions. By the sizes that both regions know, never both outweigh.
     pub(super) fn outweighs(self) -> bool {
         !self.stays && island::outweighs(self.own_island, self.island)
     }
 
-    /// Returns the regions that must hold the body owned here for what it meets: that of the other body, and those
-    /// that this body goes to if it is driven.
+    /// Returns the regions that must hold the body owned here for what it meets: the other body's, and those that
+    /// the other body goes to if it is driven.
     pub(super) fn concerned(self) -> RegionSet {
         let goes = if self.driven { self.goes } else { RegionSet::EMPTY };
         goes.union(RegionSet::only(self.rank))

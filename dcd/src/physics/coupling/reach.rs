@@ -49,9 +49,9 @@ impl Reach {
     ) {
         let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         let outweighs = |other, ghost: RigidBodyHandle| {
-            let (slot, is_anchored) =
-                (region.slot(ghost), islands.of(other).is_some_and(|island| island.anchored));
+            let slot = region.slot(ghost);
             let Ownership::Replica { owner } = slot.role else { return false };
+            let is_anchored = islands.of(other).is_some_and(|island| island.anchored);
             if !is_anchored || region.physics().bodies[ghost].is_ccd_enabled() {
                 return false;
             }

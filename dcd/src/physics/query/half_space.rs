@@ -12,7 +12,7 @@ const STEPS_PER_RAD: f32 = 64.0;
 /// The fewest and the most steps of a cast. A shape that turns by more than 32 rad is looked at less often.
 const STEPS: [f32; 2] = [16.0, 2048.0];
 
-/// How often the step in which the shape hits is halved.
+/// The number of times that the step in which the shape hits is halved.
 const HALVINGS: usize = 24;
 
 /// The depth by which a shape that overlaps the half-space at the start must get deeper to hit it, metres.

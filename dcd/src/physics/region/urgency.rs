@@ -10,10 +10,10 @@ use super::moved::place;
 use super::refine::FORESEEN_M;
 use crate::fidelity::ATTENDED_TICKS;
 
-/// How near a character must be to a kinematic body that moves to be taken for its rider, metres.
+/// The distance, metres, up to which a character near a kinematic body that moves is taken for its rider.
 const RIDER_GAP_M: f32 = 0.5;
-/// What is added to the boxes of fast bodies, metres: forces bend their way, and copies of shared bodies are moved
-/// after a step.
+/// The margin, metres, by which the boxes of fast bodies are grown: forces bend their way, and copies of shared
+/// bodies are moved after a step.
 const MARGIN_M: f32 = 0.1;
 
 impl Region {

@@ -12,7 +12,7 @@ use rapier3d::prelude::*;
 
 use super::neighbours::{are_beside, ticks_to_meeting};
 use super::predicted_contacts::AHEAD_TICKS;
-use super::{Moment, Side};
+use super::{Border, Moment, Side};
 use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::CopyState;
@@ -37,23 +37,31 @@ pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
     assembly.map_or(&[], |place| &region.assemblies()[place as usize].members)
 }
 
-/// Returns the regions that a body, or what joints tie it to, comes to within a time, within a margin.
+/// Returns the regions that a body, or what joints tie it to, comes to within a time, within a margin: to their
+/// cells, or to their bodies that reach out of these.
 pub(super) fn on_its_way(
     region: &Region,
+    border: &Border,
     partition: &Partition,
     link: BodyRef,
     ahead_s: f32,
     margin_m: f64,
 ) -> RegionSet {
     let all = together(region, link).iter().chain(std::iter::once(&link));
-    let of = |link: &BodyRef| way_of(region, partition, link.handle, ahead_s, margin_m);
+    let of = |link: &BodyRef| way_of(region, border, partition, link.handle, ahead_s, margin_m);
     all.map(of).fold(RegionSet::EMPTY, RegionSet::union)
 }
 
 /// Returns whether a body flies so far that its next owner would not be told in time of what it comes to: a
 /// region hears of others that are not beside it only from the next meeting of all regions on. The present
 /// owner has asked for them at the last one.
-pub(super) fn outruns(region: &Region, moment: Moment<'_>, link: BodyRef, owner: usize) -> bool {
+pub(super) fn outruns(
+    region: &Region,
+    border: &Border,
+    moment: Moment<'_>,
+    link: BodyRef,
+    owner: usize,
+) -> bool {
     let (partition, dt_s) = (moment.partition, moment.settings.dt_s);
     let body = region.physics().bodies.get(link.handle);
     if !body.is_some_and(|body| is_fast(region, link.handle, body.linvel(), dt_s)) {
@@ -61,12 +69,13 @@ pub(super) fn outruns(region: &Region, moment: Moment<'_>, link: BodyRef, owner:
     }
     // It arrives in the next tick, and is compared with what is there in the one after.
     let ticks = ticks_to_meeting(moment.tick) as f32 + UNSEEN_TICKS;
-    let way = way_of(region, partition, link.handle, ticks * dt_s, partition.halo_m());
+    let way = way_of(region, border, partition, link.handle, ticks * dt_s, partition.halo_m());
     way.iter().any(|rank| !are_beside(partition, owner, rank))
 }
 
 fn way_of(
     region: &Region,
+    border: &Border,
     partition: &Partition,
     handle: RigidBodyHandle,
     ahead_s: f32,
@@ -77,26 +86,27 @@ fn way_of(
         false => Bounds::around([0.0; 3], [f64::INFINITY; 3]),
     };
     let velocity = region.physics().bodies[handle].linvel().to_array();
-    partition.touching(&bounds.swept(velocity, ahead_s.into()).grown(margin_m))
+    let way = bounds.swept(velocity, ahead_s.into()).grown(margin_m);
+    partition.touching(&way).union(border.predicted.reaching(&way))
 }
 
 /// Marks for announcement the bodies that their user has sped up since the last step and that fly into other
 /// regions soon. Returns whether one of them flies to regions that this one hears of only from the next
 /// meeting of all on.
 pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
-    let region = &mut side.region;
+    let Side { region, border, .. } = side;
     let launched = region.take_launched();
     if launched.is_empty() {
         return false;
     }
     let is_here = |link: &BodyRef| region.role_of(link.handle) == Some((link.id, Ownership::Owner));
-    let outruns = |link: &BodyRef| is_here(link) && outruns(region, moment, *link, region.rank());
+    let outruns = |link: &BodyRef| is_here(link) && outruns(region, border, moment, *link, region.rank());
     let any_outruns = launched.iter().any(outruns);
     // Some of the tied bodies may be gone.
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     for link in launched {
-        if !flies_off(region, moment, link, UNSEEN_TICKS, moment.partition.halo_m()) {
+        if !flies_off(region, border, moment, link, UNSEEN_TICKS, moment.partition.halo_m()) {
             continue;
         }
         let tied = together(region, link).to_vec();
@@ -121,7 +131,7 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     region.update_assemblies();
     let is_held = |link: &BodyRef| {
         // A body that a joint ties to it would not wait.
-        flies_off(region, moment, *link, 1.0, moment.partition.halo_m())
+        flies_off(region, border, moment, *link, 1.0, moment.partition.halo_m())
             && region.joints_of(link.handle).next().is_none()
     };
     let held: Vec<_> = region.fresh().filter(is_held).collect();
@@ -147,6 +157,7 @@ pub(super) fn release(side: &mut Side) {
 /// of other regions.
 pub(super) fn flies_off(
     region: &Region,
+    border: &Border,
     moment: Moment<'_>,
     link: BodyRef,
     ticks: f32,
@@ -161,14 +172,15 @@ pub(super) fn flies_off(
         && !region.is_articulated(handle)
         && region.slot(handle).holders.is_empty()
         && is_fast(region, handle, body.linvel(), tick_s)
-        && on_its_way(region, moment.partition, link, ticks * tick_s, margin_m)
+        && on_its_way(region, border, moment.partition, link, ticks * tick_s, margin_m)
             != RegionSet::only(region.rank())
 }
 
 /// Returns how far, in micrometres, a copy of a fast body is behind another one because it was stopped on its
 /// way in the last tick. Rapier stops a flying body where it is about to hit something, and lets it touch
-/// that in the next step. Returns 0 for copies that are side by side, farther apart than a tick takes them,
-/// or slow.
+/// that in the next step. Returns 0 for copies that are side by side, farther apart than two ticks take them,
+/// or slow. Two: a region to which a body was sent in the exchange that told of its stop begins a tick's way
+/// ahead of it.
 pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
     let way_m = way_m(ahead, tick_s);
     if way_m <= reach_m {
@@ -177,7 +189,7 @@ pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick
     let motion = Vector::from_array(ahead.velocity.linear);
     let apart = |i: usize| (ahead.pose.translation[i] - copy.pose.translation[i]) as f32;
     let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(motion.normalize_or_zero());
-    if (STOPPED_M..=1.01 * way_m).contains(&behind_m) { (behind_m * 1e6) as i64 } else { 0 }
+    if (STOPPED_M..=2.02 * way_m).contains(&behind_m) { (behind_m * 1e6) as i64 } else { 0 }
 }
 
 /// Returns how far a copy flies in a tick, metres.
@@ -187,6 +199,9 @@ pub(super) fn way_m(copy: &CopyState, tick_s: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
     use super::*;
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
@@ -251,6 +266,93 @@ mod tests {
         }
         let x_of = |id| world.pose(id).unwrap().translation[0];
         (x_of(bullet), x_of(plate))
+    }
+
+    /// Bullets fly from one region into a second, past the edge where both meet a third one, at a box that the third
+    /// one has and that reaches into the second.
+    #[test]
+    fn a_bullet_hits_past_an_edge_what_it_hits_in_one_world() {
+        let mut dice = ChaCha8Rng::seed_from_u64(5);
+        let mut missed = Vec::new();
+        for shot in 0..300 {
+            let mut roll =
+                |from: f32, to: f32| from + (to - from) * (dice.next_u32() as f32 / u32::MAX as f32);
+            let mut vector = |most: f32| Vector::from_array(std::array::from_fn(|_| roll(-most, most)));
+            let (tilt, drift) = (vector(0.05), vector(1.0));
+            let (behind_m, aside_m, path_m) = (roll(0.2, 4.0), roll(0.05, 0.3), roll(-0.6, -0.35));
+            // What flies along the first axis passes the edge along the third one.
+            let turned = |along: f32, across: f32, level: f32| {
+                let mut turned = [0.0; 3];
+                let sign = if shot % 4 < 2 { 1.0 } else { -1.0 };
+                for (i, value) in [along, across, level].into_iter().enumerate() {
+                    turned[(i + shot) % 3] = sign * value;
+                }
+                Vector::from_array(turned)
+            };
+            let shot = Shot {
+                speed: [20.0, 40.0, 80.0, 150.0, 300.0][shot % 5],
+                heading: (turned(1.0, 0.0, 0.0) + tilt).normalize(),
+                target: turned(behind_m, path_m, 0.7),
+                middle: turned(behind_m, aside_m, 0.7),
+                half: turned(roll(0.15, 0.8), aside_m - path_m + 0.1, 0.5).abs(),
+                drift: if shot % 2 == 0 { drift } else { Vector::ZERO },
+                start: shot % 3,
+                ticks: roll(0.5, 12.0),
+                ccd: shot % 7 < 4,
+            };
+            if !shot.hits(&[Axis::X, Axis::Y, Axis::Z]) && shot.hits(&[]) {
+                missed.push(shot);
+            }
+        }
+        // One in two hundred is handed over on its way, and what lies past the edge hears of it a tick too late.
+        assert!(missed.len() <= 3, "{} {missed:#?}", missed.len());
+    }
+
+    /// A bullet that flies at a box.
+    #[derive(Debug)]
+    struct Shot {
+        speed: f32,
+        heading: Vector,
+        /// Where it meets the box, and the middle, half size and velocity of that.
+        target: Vector,
+        middle: Vector,
+        half: Vector,
+        drift: Vector,
+        /// The tick in which the bullet is set off, and the ticks that it flies.
+        start: usize,
+        ticks: f32,
+        ccd: bool,
+    }
+
+    impl Shot {
+        /// Returns whether the bullet hits the box in a world that planes through its origin cut.
+        fn hits(&self, cuts: &[Axis]) -> bool {
+            let cuts = cuts.iter().map(|&axis| (axis, 0.0)).collect();
+            let mut config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+            config.step.gravity = [0.0; 3];
+            let mut world = LocalWorld::new(config).unwrap();
+            let tick_s = 1.0 / 60.0;
+            let before_s = (self.start as f32 + self.ticks) * tick_s;
+            let met = RigidBodyBuilder::dynamic().linvel(self.drift);
+            let met = met.translation(self.middle - self.drift * before_s);
+            let outline = ColliderBuilder::cuboid(self.half.x, self.half.y, self.half.z);
+            world.insert(met, outline.density(100.0)).unwrap();
+            let way_m = self.half.length() + 0.3 + self.ticks * self.speed * tick_s;
+            let bullet = RigidBodyBuilder::dynamic().ccd_enabled(self.ccd).can_sleep(false);
+            let bullet = bullet.translation(self.target - self.heading * way_m);
+            let radius_m = if self.ccd { 0.1 } else { 0.3 };
+            let bullet = world.insert(bullet, ColliderBuilder::ball(radius_m)).unwrap();
+            for _ in 0..self.start {
+                world.step().unwrap();
+            }
+            let flies = self.heading * self.speed;
+            world.update(bullet, |body| body.set_linvel(flies, true)).unwrap();
+            for _ in 0..self.ticks as usize + 10 {
+                world.step().unwrap();
+            }
+            let velocity = world.velocity(bullet).unwrap().linear;
+            (Vector::from_array(velocity) - flies).length() > 0.01
+        }
     }
 
     /// Orders planes from the middle on, so that the tree is not too deep.

@@ -127,6 +127,11 @@ impl Neighbours {
         self.near.iter().filter(|&rank| self.fresh.contains(rank) || is_due(rank)).collect()
     }
 
+    /// Returns the regions whose cells are near this one's, itself among them.
+    pub(super) fn beside(&self) -> RegionSet {
+        self.beside
+    }
+
     /// Returns the neighbours of the present tick.
     pub(in crate::physics) fn now(&self) -> RegionSet {
         self.now

@@ -267,7 +267,7 @@ pub(super) fn commit<'a>(
 }
 
 /// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once.
-/// Bodies of islands that are computed whole go to no new region; after membership has changed they go to the
+/// Bodies of islands that are computed whole go to no new region, unless they are fast; after membership has changed they go to the
 /// regions that held copies of them, which follow as before. A body whose holders are at different times, as
 /// a joint may cause, waits until they are at the same time. Returns all bodies inserted here.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
@@ -287,7 +287,9 @@ fn share_sudden(side: &mut Side, moment: Moment<'_>) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
         // Too much of an assembly would be sent at every blow.
         let is_tied = side.region.slot(link.handle).assembly.is_some();
-        if !is_decided && !is_tied && launch::flies_off(&side.region, moment, link, launch::UNSEEN_TICKS, 0.0)
+        if !is_decided
+            && !is_tied
+            && launch::flies_off(&side.region, &side.border, moment, link, launch::UNSEEN_TICKS, 0.0)
         {
             side.region.slot_mut(link.handle).whole = false;
             share(side, moment, link);
@@ -306,9 +308,10 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
     };
     let is_fast = is_fast(&link) || launch::together(region, link).iter().any(is_fast);
     let ahead_s = if is_fast { launch::UNSEEN_TICKS } else { 1.0 } * moment.settings.dt_s;
-    let near = match whole {
+    // That its island lies in one region holds for the tick in which it came: by the next it may be elsewhere.
+    let near = match whole && !is_fast {
         true => RegionSet::EMPTY,
-        false => launch::on_its_way(region, partition, link, ahead_s, partition.halo_m()),
+        false => launch::on_its_way(region, border, partition, link, ahead_s, partition.halo_m()),
     };
     let reached = border.neighbours.reached(region.rank(), near);
     let holders = reached.union(region.slot(handle).holders).without(own);
@@ -382,7 +385,10 @@ fn decide_on(
     let Side { region, border, outbox, .. } = side;
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
-    if desired.owner != own_rank && !desired.pressed && launch::outruns(region, moment, link, desired.owner) {
+    if desired.owner != own_rank
+        && !desired.pressed
+        && launch::outruns(region, border, moment, link, desired.owner)
+    {
         (desired.owner, desired.holders) = (own_rank, desired.reached);
     }
     let away = note_away(region, link, desired.owner, moment);

@@ -8,7 +8,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island;
-use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
+use super::neighbours::{LOOKAHEAD_TICKS, Neighbours, are_beside};
 use super::sweep::for_each_overlap;
 use super::{Border, Moment};
 use crate::physics::convert;
@@ -382,12 +382,20 @@ impl PredictedContacts {
         *self.acquainted.insert(visitors.fold(listed.collect(), RegionSet::union))
     }
 
-    /// Returns the regions to which the extent of this region's bodies is sent: those that it touches, and
-    /// those whose bodies reach there too, as the regions there report. So no region receives what happens
-    /// far away.
-    fn audience(&self, extent: &Bounds, partition: &Partition) -> RegionSet {
+    /// Returns the regions whose bodies reach out of their cells to this box, as far as they have said so here.
+    pub(super) fn reaching(&self, bounds: &Bounds) -> RegionSet {
+        let reaches = |nearby: &NearbyBodies| nearby.extent.is_some_and(|extent| extent.touches(bounds));
+        self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
+    }
+
+    /// Returns the regions to which the extent of this region's bodies is sent: those that it touches, those
+    /// beside both these and this one, whose bodies may come there too, and those whose bodies reach there, as
+    /// the regions there report. So no region receives what happens far away.
+    fn audience(&self, extent: &Bounds, partition: &Partition, beside: RegionSet) -> RegionSet {
         let there = partition.touching(extent);
-        there.iter().fold(there, |all, rank| all.union(self.seen[rank].visitors))
+        let comes = |rank: &usize| there.iter().any(|cell| are_beside(partition, cell, *rank));
+        let all = there.union(beside.iter().filter(comes).collect());
+        there.iter().fold(all, |all, rank| all.union(self.seen[rank].visitors))
     }
 
     /// Returns the regions whose bodies reach into this one's cell.
@@ -689,7 +697,9 @@ pub(super) fn show(
             to.iter().for_each(|rank| predicted.lists[rank].push(nearby));
         }
     }
-    let audience = extent.map_or(RegionSet::EMPTY, |extent| predicted.audience(&extent, moment.partition));
+    let audience = extent.map_or(RegionSet::EMPTY, |extent| {
+        predicted.audience(&extent, moment.partition, neighbours.beside())
+    });
     let now = neighbours.now();
     let visitors = predicted.visitors(region);
     for (rank, list) in predicted.lists.iter_mut().enumerate() {

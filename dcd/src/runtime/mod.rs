@@ -55,6 +55,7 @@ mod serve_config;
 #[cfg(feature = "net")]
 mod server;
 mod snapshot;
+mod stats;
 #[cfg(feature = "net")]
 mod status;
 mod tape;
@@ -86,7 +87,7 @@ pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
 pub use joint_strength::JointOverload;
-pub use local::{LocalWorld, Stats};
+pub use local::LocalWorld;
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker, Presence};
 #[cfg(feature = "net")]
@@ -103,6 +104,7 @@ pub(crate) use server::SUSPENDED;
 #[cfg(feature = "net")]
 pub use server::{ServerProcess, ServerSummary};
 pub use snapshot::{Checkpoint, SnapshotError};
+pub use stats::Stats;
 #[cfg(feature = "net")]
 pub use status::StatusLink;
 #[cfg(feature = "cli")]

@@ -4,10 +4,13 @@
 mod borders;
 mod change;
 mod checkpoint;
+mod contents;
 mod error;
+mod exchange;
 mod fidelity;
 mod giants;
 mod holders;
+mod neighbours;
 mod place;
 #[cfg(test)]
 pub(super) mod processes;
@@ -16,6 +19,7 @@ mod quiet;
 mod rebuild;
 mod repartition;
 mod replace;
+mod report;
 mod rounds;
 mod tasks;
 mod teams;
@@ -29,27 +33,25 @@ pub use self::tasks::Tasks;
 pub use self::validate::Inconsistency;
 
 use std::cmp::Reverse;
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rapier3d::prelude::*;
+use rapier3d::prelude::IntegrationParameters;
 use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAITING};
-use super::coupling::{Ground, Moment, Side, meet_in};
+use super::coupling::{Moment, Side, meet_in};
 use super::hooks::ContactHooks;
-use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
 use super::partition::Partition;
-use super::region::{Ownership, Profile, Region};
+use super::region::{Ownership, Region};
 use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
 use super::spread::Team;
 use super::statics::Statics;
 use crate::fidelity::{Audited, Governor};
-use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
+use crate::protocol::{BorderMessage, Handover};
+use crate::space::{RegionId, RegionSet, Tick};
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
 /// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.
@@ -187,27 +189,6 @@ impl RegionHost {
         }
     }
 
-    /// Sets the number of threads that step the regions here; 1 uses the calling thread, as a world of few
-    /// bodies always does. Results do not depend on it. With the feature `parallel` a single region uses all
-    /// threads, and several regions divide them. Without it, each region uses one.
-    pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
-        let tasks = self.threads.tasks().cloned();
-        self.threads = Threads::new(threads, self.sides.len(), tasks)?;
-        Ok(())
-    }
-
-    /// Makes the program's own threads step the regions here from now on, as many as were set. `None` goes
-    /// back to threads of the host's own.
-    pub(crate) fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), HostError> {
-        self.threads = Threads::new(self.threads.count(), self.sides.len(), tasks)?;
-        Ok(())
-    }
-
-    /// Returns the number of threads that step the regions here.
-    pub fn threads(&self) -> usize {
-        self.threads.count()
-    }
-
     /// Returns the contact hooks that are called.
     pub(crate) fn hooks(&self) -> Option<&Arc<dyn ContactHooks>> {
         self.hooks.as_ref()
@@ -218,16 +199,6 @@ impl RegionHost {
         (self.threads, self.trial) = (former.threads.clone(), former.trial.clone());
         self.set_hooks(former.hooks.clone());
         self.threads.suit(self.sides.len())
-    }
-
-    /// Does the work for each of many small things, on all threads if they are worth waking. Returns the
-    /// results in the order of the things.
-    pub(in crate::physics) fn spread<T: Sync, R: Send>(
-        &self,
-        things: &[T],
-        work: impl Fn(&T) -> R + Sync,
-    ) -> Vec<R> {
-        self.threads.spread(things, work)
     }
 
     /// Sets the contact hooks of every region; `None` removes them.
@@ -348,171 +319,6 @@ impl RegionHost {
         }
     }
 
-    /// Makes all regions exchange messages in the next tick, not only neighbours. All processes that compute
-    /// a part of the world must call this before the same tick, since a body that is inserted, or put
-    /// elsewhere at once, may concern any region.
-    pub fn meet_all(&mut self) {
-        self.is_placed = false;
-        self.meets = true;
-    }
-
-    /// Makes all regions exchange messages in every tick, for processes that do not take in messages in the
-    /// tick in which they were written.
-    pub fn meet_always(&mut self) {
-        self.meets_always = true;
-    }
-
-    /// Chooses the neighbours of every region here for the tick to come; with `all`, every region meets all
-    /// others.
-    fn meet(&mut self, all: bool) {
-        let (regions, behind) = (self.partition.len(), self.left_behind());
-        let settles = self.meets && !std::mem::replace(&mut self.settled, true);
-        for side in &mut self.sides {
-            if settles {
-                side.border.neighbours.settle(&side.region, &self.partition);
-            }
-            side.meet(regions, all, behind);
-        }
-        debug_assert!(self.strangers().next().is_none(), "of neighbours each knows the other");
-    }
-
-    /// Returns the pairs of regions here of which only one takes the other for a neighbour, in any round.
-    fn strangers(&self) -> impl Iterator<Item = (RegionId, RegionId)> {
-        let settings = self.settings;
-        let rounds = (1..=self.rounds).map(move |round| {
-            let moment = Moment::new(
-                &self.partition,
-                &settings,
-                self.tick.next(),
-                self.rounds,
-                round,
-                self.coarsest(),
-            );
-            self.sides.iter().map(|side| (&side.region, side.exchanges_with(&moment))).collect::<Vec<_>>()
-        });
-        rounds.flat_map(|sides| {
-            let mut unequal = Vec::new();
-            for (one, of_one) in &sides {
-                let strangers = sides.iter().filter(|(other, of_other)| {
-                    of_one.contains(other.rank()) && !of_other.contains(one.rank())
-                });
-                unequal.extend(strangers.map(|(other, _)| (one.id(), other.id())));
-            }
-            unequal
-        })
-    }
-
-    /// Returns the regions computed elsewhere with which regions here exchange messages in the present round,
-    /// in id order. Those regions exchange messages with the ones here, too.
-    pub fn neighbours(&self) -> Vec<RegionId> {
-        let settings = self.settings;
-        let moment = Moment::new(
-            &self.partition,
-            &settings,
-            self.tick.next(),
-            self.rounds,
-            self.round,
-            self.coarsest(),
-        );
-        let of = |side: &Side| side.exchanges_with(&moment);
-        let all = self.sides.iter().map(of).fold(RegionSet::EMPTY, RegionSet::union);
-        let leaves = self.partition.leaves();
-        all.iter().filter(|&rank| self.place_of[rank].is_none()).map(|rank| leaves[rank]).collect()
-    }
-
-    /// Returns the messages of regions here to regions computed elsewhere, non-empty ones only.
-    pub fn outgoing(&self) -> impl Iterator<Item = &BorderMessage> {
-        let letters = self.sides.iter().flat_map(|side| side.outbox.letters());
-        letters.filter(|(rank, _)| self.place_of[*rank].is_none()).map(|(_, message)| message)
-    }
-
-    /// Accepts a message of a region computed elsewhere. The next exchange applies it.
-    pub fn accept(&mut self, message: BorderMessage) {
-        self.incoming.push(message);
-    }
-
-    /// Applies the messages accepted so far, and sends none. No tick ends with it.
-    pub fn drain(&mut self) -> Result<(), HostError> {
-        let tick = self.tick;
-        self.sides.iter_mut().for_each(|side| side.outbox.clear(tick));
-        self.exchange()
-    }
-
-    /// Computes the second half of a round: every region applies the messages of the others, in rank order.
-    pub fn exchange(&mut self) -> Result<(), HostError> {
-        if self.is_busy() && self.trial.is_for_teams() {
-            self.on_teams(Self::exchange_here)
-        } else {
-            self.exchange_here()
-        }
-    }
-
-    fn exchange_here(&mut self) -> Result<(), HostError> {
-        let start = Instant::now();
-        let exchanged = self.exchange_messages();
-        self.exchange_time += start.elapsed();
-        exchanged
-    }
-
-    fn exchange_messages(&mut self) -> Result<(), HostError> {
-        if self.partition.len() > 1 {
-            let outboxes: Vec<_> =
-                self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
-            let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
-            let (incoming, place_of, settings) = (&self.incoming, &self.place_of, self.settings);
-            let coarsest = self.coarsest();
-            let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
-            let moment = Moment::new(&self.partition, &settings, tick, rounds, round, coarsest);
-            for (side, outbox) in self.sides.iter().zip(&outboxes) {
-                let neighbours = side.exchanges_with(&moment);
-                for (rank, letter) in outbox.letters() {
-                    debug_assert!(neighbours.contains(rank), "to {rank}, of {neighbours:?}: {letter:?}");
-                }
-            }
-            let failure = std::sync::Mutex::new(None);
-            let mut inboxes = vec![Vec::new(); self.sides.len()];
-            let here = outboxes.iter().flat_map(Outbox::letters);
-            let elsewhere = incoming.iter().map(|message| {
-                (ground.partition.rank_of(message.to).expect("messages go to regions of this tree"), message)
-            });
-            for (rank, message) in here.chain(elsewhere) {
-                if let Some(place) = place_of[rank] {
-                    inboxes[place].push(message);
-                }
-            }
-            // Ids are in rank order. The sort is stable: what one region said in several ticks stays in
-            // order.
-            inboxes.iter_mut().for_each(|inbox| inbox.sort_by_key(|message| message.from));
-            let inbox_of = |region: &Region| &inboxes[place_of[region.rank()].expect("hosted here")];
-            let is_due = |side: &Side| {
-                moment.is_due(side.steps()) && !(side.region.rests() && inbox_of(&side.region).is_empty())
-            };
-            let due = self.sides.iter_mut().filter(|side| is_due(side)).collect();
-            self.threads.share_out(due, |side| {
-                let inbox = inbox_of(&side.region);
-                if side.is_behind() {
-                    side.hear(inbox.iter().copied(), ground);
-                    return;
-                }
-                if !inbox.is_empty() {
-                    side.region.stir();
-                }
-                if let Err(error) = settings.coupling.apply(side, inbox.iter().copied(), ground, moment) {
-                    failure.lock().expect("no panic while locked").get_or_insert(error);
-                }
-            });
-            for (side, outbox) in self.sides.iter_mut().zip(outboxes) {
-                side.outbox = outbox;
-            }
-            self.incoming.clear();
-            self.note_arrivals();
-            if let Some(error) = failure.into_inner().expect("no panic while locked") {
-                return Err(error.into());
-            }
-        }
-        Ok(())
-    }
-
     /// Steps a host that computes every region by a whole tick.
     pub fn step(&mut self) -> Result<(), HostError> {
         assert_eq!(
@@ -568,18 +374,6 @@ impl RegionHost {
         assert_eq!(self.validate(), [], "after tick {}", self.tick.0);
     }
 
-    /// Returns the contact events of the regions since [`RegionHost::clear_events`], in rank order.
-    pub fn events(&self) -> impl Iterator<Item = &RegionEvents> {
-        self.regions().map(Region::events)
-    }
-
-    /// Clears the contact events of the regions.
-    pub fn clear_events(&mut self) {
-        for side in &mut self.sides {
-            side.region.clear_events();
-        }
-    }
-
     /// Returns the ticks since the world began.
     pub fn tick(&self) -> Tick {
         self.tick
@@ -611,98 +405,6 @@ impl RegionHost {
         Some(&self.sides[self.place_of[rank]?].region)
     }
 
-    /// Returns what the last tick took, summed over the regions here.
-    pub fn profile(&self) -> Profile {
-        let sum = self.regions().fold(Profile::default(), |sum, region| sum.and(&region.profile()));
-        Profile { border: self.exchange_time, ..sum }
-    }
-
-    /// Returns how many bodies changed owner since the host was made, counted at the new owner.
-    pub fn transfers(&self) -> u64 {
-        self.transfers
-    }
-
-    /// Returns the handovers of bodies from regions here to others in the last [`RegionHost::step`], in id
-    /// order.
-    pub fn handovers(&self) -> &[Handover] {
-        &self.handovers
-    }
-
-    /// Returns the owner's copy of a movable body, if its region is computed here.
-    #[inline]
-    pub fn owned(&self, id: BodyId) -> Option<(&Region, RigidBodyHandle)> {
-        let home = self.owner_index.home(id)?;
-        Some((self.region_at(home.rank)?, home.handle))
-    }
-
-    /// Returns an immovable body by id.
-    pub fn immovable(&self, id: BodyId) -> Option<&BodyRecord> {
-        self.statics.body(id)
-    }
-
-    /// Returns the whole record of a body, as its owner has it if the owner is here, else as a ghost has it.
-    pub fn record(&self, id: BodyId) -> Option<BodyRecord> {
-        if let Some(body) = self.statics.body(id) {
-            return Some(body.clone());
-        }
-        if let Some((region, handle)) = self.owned(id) {
-            return Some(region.body_record(handle));
-        }
-        self.regions().find_map(|region| Some(region.body_record(region.handle_of(id)?)))
-    }
-
-    /// Returns the whole records of one body's joints, in order of insertion.
-    pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
-        let mut holders = self.places_of(id).map(|place| &self.sides[place].region);
-        let held = holders.find_map(|region| Some((region, region.handle_of(id)?)));
-        held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
-    }
-
-    /// Returns the pose and velocity of every movable body owned here, in id order, with its region.
-    pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
-        self.owned_bodies().map(|(id, region, handle)| {
-            let (pose, velocity) = region.motion(handle);
-            (id, region.id(), pose, velocity)
-        })
-    }
-
-    /// Returns every movable body owned here, in id order, with its region and Rapier's handle there.
-    pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
-        self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
-    }
-
-    /// Returns the movable bodies owned here that do not sleep.
-    pub(crate) fn awake_bodies(&self) -> BTreeSet<BodyId> {
-        let awake = self.regions().flat_map(|region| region.awake().map(move |handle| (region, handle)));
-        let owned = awake.filter_map(|(region, handle)| {
-            let (id, _) = region.role_of(handle)?;
-            let here = Home { rank: region.rank(), handle };
-            (self.owner_index.home(id) == Some(here)).then_some(id)
-        });
-        owned.collect()
-    }
-
-    /// Returns the joints here of bodies that do not sleep, some more than once.
-    pub(crate) fn awake_joints(&self) -> impl Iterator<Item = JointId> {
-        self.regions().flat_map(Region::awake_joints)
-    }
-
-    /// Returns every movable body held here, owned or ghost, in id order.
-    pub fn held_bodies(&self) -> BTreeSet<BodyId> {
-        let held = self.regions().flat_map(Region::bodies);
-        held.map(|(id, ..)| id).filter(|&id| self.statics.body(id).is_none()).collect()
-    }
-
-    /// Returns every immovable body of the world, in id order.
-    pub fn scenery(&self) -> impl Iterator<Item = &BodyRecord> {
-        self.statics.bodies()
-    }
-
-    /// Returns how many movable bodies are owned here.
-    pub fn owned_count(&self) -> usize {
-        self.owner_index.len()
-    }
-
     fn index(&mut self) {
         self.giants.forget();
         self.place_of.fill(None);
@@ -716,24 +418,6 @@ impl RegionHost {
                 if role == Ownership::Owner {
                     self.owner_index.set(id, Home { rank: region.rank(), handle });
                 }
-            }
-        }
-    }
-
-    fn note_arrivals(&mut self) {
-        for (_, message) in self.sides.iter().flat_map(|side| side.outbox.letters()) {
-            for transfer in &message.transfers {
-                self.owner_index.remove(transfer.body.id);
-                self.handovers.push(Handover { body: transfer.body.id, from: message.from, to: message.to });
-            }
-        }
-        for side in &mut self.sides {
-            let rank = side.region.rank();
-            // Each arrival is taken once: a region at rest does not look at its letters, and what arrived may
-            // be gone by now.
-            for link in side.border.take_arrived() {
-                self.transfers += 1;
-                self.owner_index.set(link.id, Home { rank, handle: link.handle });
             }
         }
     }

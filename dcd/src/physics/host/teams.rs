@@ -1,12 +1,44 @@
-//! Chooses the threads that do the work of a tick, the calling one or teams, and which regions all of them
-//! step together.
+//! Sets how many threads there are. Chooses those that do the work of a tick, the calling one or teams, and
+//! which regions all of them step together.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::RegionHost;
-use super::threads::{self, WORTH_WAKING};
+use super::threads::{self, Threads, WORTH_WAKING};
+use super::{HostError, RegionHost, Tasks};
 
 impl RegionHost {
+    /// Sets the number of threads that step the regions here; 1 uses the calling thread, as a world of few
+    /// bodies always does. Results do not depend on it. With the feature `parallel` a single region uses all
+    /// threads, and several regions divide them. Without it, each region uses one.
+    pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
+        let tasks = self.threads.tasks().cloned();
+        self.threads = Threads::new(threads, self.sides.len(), tasks)?;
+        Ok(())
+    }
+
+    /// Makes the program's own threads step the regions here from now on, as many as were set. `None` goes
+    /// back to threads of the host's own.
+    pub(crate) fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), HostError> {
+        self.threads = Threads::new(self.threads.count(), self.sides.len(), tasks)?;
+        Ok(())
+    }
+
+    /// Returns the number of threads that step the regions here.
+    pub fn threads(&self) -> usize {
+        self.threads.count()
+    }
+
+    /// Does the work for each of many small things, on all threads if they are worth waking. Returns the
+    /// results in the order of the things.
+    pub(in crate::physics) fn spread<T: Sync, R: Send>(
+        &self,
+        things: &[T],
+        work: impl Fn(&T) -> R + Sync,
+    ) -> Vec<R> {
+        self.threads.spread(things, work)
+    }
+
     /// Returns whether so many bodies are awake that it may be worth waking other threads.
     pub(super) fn is_busy(&self) -> bool {
         let awake = self.regions().flat_map(|region| region.physics().islands.active_bodies());

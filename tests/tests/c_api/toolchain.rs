@@ -100,9 +100,8 @@ fn fast_linker() -> Option<&'static Path> {
         let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
         let said = Command::new(rustc).args(["--print", "sysroot"]).output().ok()?;
         let targets = Path::new(str::from_utf8(&said.stdout).ok()?.trim()).join("lib/rustlib");
-        let folders =
-            std::fs::read_dir(targets).ok()?.flatten().map(|target| target.path().join("bin/gcc-ld"));
-        folders.into_iter().find(|folder| folder.join("ld.lld").is_file())
+        let targets = std::fs::read_dir(targets).ok()?.flatten();
+        targets.map(|target| target.path().join("bin/gcc-ld")).find(|folder| folder.join("ld.lld").is_file())
     };
     FOUND.get_or_init(find).as_deref()
 }

@@ -87,7 +87,9 @@ fn way_of(
     };
     let velocity = region.physics().bodies[handle].linvel().to_array();
     let way = bounds.swept(velocity, ahead_s.into()).grown(margin_m);
-    partition.touching(&way).union(border.predicted.reaching(&way))
+    // What a region that is behind has there is not where it said.
+    let reaching = border.predicted.reaching(&way).without(border.neighbours.behind());
+    partition.touching(&way).union(reaching)
 }
 
 /// Marks for announcement the bodies that their user has sped up since the last step and that fly into other

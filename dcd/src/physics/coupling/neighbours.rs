@@ -159,6 +159,11 @@ impl Neighbours {
         self.missed = self.missed.union(regions);
     }
 
+    /// Returns the regions that are behind the present time.
+    pub(super) fn behind(&self) -> RegionSet {
+        self.behind
+    }
+
     /// Returns whether any of these regions is behind the present time.
     pub(super) fn are_behind(&self, regions: RegionSet) -> bool {
         !regions.intersection(self.behind).is_empty()

@@ -128,11 +128,17 @@ impl PredictedContacts {
         self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
     }
 
-    /// Returns the regions to which the extent of this region's bodies is sent: those that it touches, those
+    /// Returns the regions to which the extent of this region's bodies is sent: the others that it touches, those
     /// beside both these and this one, whose bodies may come there too, and those whose bodies reach there, as
     /// the regions there report. So no region receives what happens far away.
-    fn audience(&self, extent: &Bounds, partition: &Partition, beside: RegionSet) -> RegionSet {
-        let there = partition.touching(extent);
+    fn audience(
+        &self,
+        own: RegionSet,
+        extent: &Bounds,
+        partition: &Partition,
+        beside: RegionSet,
+    ) -> RegionSet {
+        let there = partition.touching(extent).without(own);
         let comes = |rank: &usize| there.iter().any(|cell| are_beside(partition, cell, *rank));
         let all = there.union(beside.iter().filter(comes).collect());
         there.iter().fold(all, |all, rank| all.union(self.seen[rank].visitors))
@@ -255,7 +261,7 @@ pub(super) fn show(
         }
     }
     let audience = extent.map_or(RegionSet::EMPTY, |extent| {
-        predicted.audience(&extent, moment.partition, neighbours.beside())
+        predicted.audience(own, &extent, moment.partition, neighbours.beside())
     });
     let now = neighbours.now();
     let visitors = predicted.visitors(region);

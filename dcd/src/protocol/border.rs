@@ -243,6 +243,11 @@ pub struct BorderMessage {
 impl BorderMessage {
     /// Returns whether the message has no content.
     pub fn is_empty(&self) -> bool {
+        self.nearby.is_none() && self.says_only_nearby()
+    }
+
+    /// Returns whether the message has no content but [`BorderMessage::nearby`].
+    pub fn says_only_nearby(&self) -> bool {
         self.states.is_empty()
             && self.replicas.is_empty()
             && self.joints.is_empty()
@@ -253,7 +258,6 @@ impl BorderMessage {
             && self.strikes.is_empty()
             && self.islands.is_empty()
             && self.members.is_empty()
-            && self.nearby.is_none()
             && self.steps == 0
             && !self.asks
     }

@@ -37,8 +37,20 @@ pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
     assembly.map_or(&[], |place| &region.assemblies()[place as usize].members)
 }
 
-/// Returns the regions that a body, or what joints tie it to, comes to within a time, within a margin: to their
-/// cells, or to their bodies that reach out of these.
+/// Returns the regions to whose cells a body, or what joints tie it to, comes within a time, within a margin.
+pub(super) fn cells_on_its_way(
+    region: &Region,
+    partition: &Partition,
+    link: BodyRef,
+    ahead_s: f32,
+    margin_m: f64,
+) -> RegionSet {
+    let ways = ways_of(region, link, ahead_s, margin_m);
+    ways.map(|way| partition.touching(&way)).fold(RegionSet::EMPTY, RegionSet::union)
+}
+
+/// Returns these regions, and those whose bodies reach out of their cells to its way, as far as they have said
+/// so here. One that is behind the present time takes in no body, and is not waited for.
 pub(super) fn on_its_way(
     region: &Region,
     border: &Border,
@@ -47,21 +59,22 @@ pub(super) fn on_its_way(
     ahead_s: f32,
     margin_m: f64,
 ) -> RegionSet {
-    let all = together(region, link).iter().chain(std::iter::once(&link));
-    let of = |link: &BodyRef| way_of(region, border, partition, link.handle, ahead_s, margin_m);
-    all.map(of).fold(RegionSet::EMPTY, RegionSet::union)
+    let ways = ways_of(region, link, ahead_s, margin_m);
+    let reaching = ways.map(|way| border.predicted.reaching(&way)).fold(RegionSet::EMPTY, RegionSet::union);
+    let cells = cells_on_its_way(region, partition, link, ahead_s, margin_m);
+    cells.union(reaching.without(border.neighbours.behind()))
+}
+
+/// Returns boxes around the ways of a body and of all that joints tie to it.
+fn ways_of(region: &Region, link: BodyRef, ahead_s: f32, margin_m: f64) -> impl Iterator<Item = Bounds> {
+    let all = together(region, link).iter().copied().chain([link]);
+    all.map(move |link| way_of(region, link.handle, ahead_s, margin_m))
 }
 
 /// Returns whether a body flies so far that its next owner would not be told in time of what it comes to: a
 /// region hears of others that are not beside it only from the next meeting of all regions on. The present
 /// owner has asked for them at the last one.
-pub(super) fn outruns(
-    region: &Region,
-    border: &Border,
-    moment: Moment<'_>,
-    link: BodyRef,
-    owner: usize,
-) -> bool {
+pub(super) fn outruns(region: &Region, moment: Moment<'_>, link: BodyRef, owner: usize) -> bool {
     let (partition, dt_s) = (moment.partition, moment.settings.dt_s);
     let body = region.physics().bodies.get(link.handle);
     if !body.is_some_and(|body| is_fast(region, link.handle, body.linvel(), dt_s)) {
@@ -69,27 +82,17 @@ pub(super) fn outruns(
     }
     // It arrives in the next tick, and is compared with what is there in the one after.
     let ticks = ticks_to_meeting(moment.tick) as f32 + UNSEEN_TICKS;
-    let way = way_of(region, border, partition, link.handle, ticks * dt_s, partition.halo_m());
-    way.iter().any(|rank| !are_beside(partition, owner, rank))
+    let way = way_of(region, link.handle, ticks * dt_s, partition.halo_m());
+    partition.touching(&way).iter().any(|rank| !are_beside(partition, owner, rank))
 }
 
-fn way_of(
-    region: &Region,
-    border: &Border,
-    partition: &Partition,
-    handle: RigidBodyHandle,
-    ahead_s: f32,
-    margin_m: f64,
-) -> RegionSet {
+fn way_of(region: &Region, handle: RigidBodyHandle, ahead_s: f32, margin_m: f64) -> Bounds {
     let bounds = match region.slot(handle).reach_m.is_finite() {
         true => region.world_bounds(handle),
         false => Bounds::around([0.0; 3], [f64::INFINITY; 3]),
     };
     let velocity = region.physics().bodies[handle].linvel().to_array();
-    let way = bounds.swept(velocity, ahead_s.into()).grown(margin_m);
-    // What a region that is behind has there is not where it said.
-    let reaching = border.predicted.reaching(&way).without(border.neighbours.behind());
-    partition.touching(&way).union(reaching)
+    bounds.swept(velocity, ahead_s.into()).grown(margin_m)
 }
 
 /// Marks for announcement the bodies that their user has sped up since the last step and that fly into other
@@ -102,7 +105,7 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
         return false;
     }
     let is_here = |link: &BodyRef| region.role_of(link.handle) == Some((link.id, Ownership::Owner));
-    let outruns = |link: &BodyRef| is_here(link) && outruns(region, border, moment, *link, region.rank());
+    let outruns = |link: &BodyRef| is_here(link) && outruns(region, moment, *link, region.rank());
     let any_outruns = launched.iter().any(outruns);
     // Some of the tied bodies may be gone.
     region.update_assemblies();
@@ -156,7 +159,7 @@ pub(super) fn release(side: &mut Side) {
 }
 
 /// Returns whether a body owned here, which no other region holds, flies within some ticks to within a margin
-/// of other regions.
+/// of other regions, or of their bodies.
 pub(super) fn flies_off(
     region: &Region,
     border: &Border,
@@ -179,7 +182,7 @@ pub(super) fn flies_off(
 }
 
 /// Returns how far, in micrometres, a copy of a fast body is behind another one because it was stopped on its
-/// way in the last tick. Rapier stops a flying body where it is about to hit something, and lets it touch
+/// way in the last tick, or in the one before. Rapier stops a flying body where it is about to hit something, and lets it touch
 /// that in the next step. Returns 0 for copies that are side by side, farther apart than two ticks take them,
 /// or slow. Two: a region to which a body was sent in the exchange that told of its stop begins a tick's way
 /// ahead of it.
@@ -270,13 +273,27 @@ mod tests {
         (x_of(bullet), x_of(plate))
     }
 
-    /// Bullets fly from one region into a second, past the edge where both meet a third one, at a box that the third
-    /// one has and that reaches into the second.
+    /// One in two hundred is handed over on its way, and what lies past the edge hears of it a tick too late.
     #[test]
     fn a_bullet_hits_past_an_edge_what_it_hits_in_one_world() {
+        let unlike = unlike(300);
+        assert!(unlike.len() <= 3, "{} {unlike:#?}", unlike.len());
+    }
+
+    #[test]
+    #[ignore = "a minute; prints how many of 6,000 do not"]
+    fn bullets_past_edges_hit_what_they_hit_in_one_world() {
+        let unlike = unlike(6_000);
+        println!("{} of 6,000 shots do otherwise than in one world", unlike.len());
+        assert!(unlike.len() <= 60, "{unlike:#?}");
+    }
+
+    /// Bullets fly from one region into a second, past the edge where both meet a third one, at a box that the third
+    /// one has and that reaches into the second. Returns those that miss it and hit it in one world, or the reverse.
+    fn unlike(shots: usize) -> Vec<Shot> {
         let mut dice = ChaCha8Rng::seed_from_u64(5);
-        let mut missed = Vec::new();
-        for shot in 0..300 {
+        let mut unlike = Vec::new();
+        for shot in 0..shots {
             let mut roll =
                 |from: f32, to: f32| from + (to - from) * (dice.next_u32() as f32 / u32::MAX as f32);
             let mut vector = |most: f32| Vector::from_array(std::array::from_fn(|_| roll(-most, most)));
@@ -302,12 +319,11 @@ mod tests {
                 ticks: roll(0.5, 12.0),
                 ccd: shot % 7 < 4,
             };
-            if !shot.hits(&[Axis::X, Axis::Y, Axis::Z]) && shot.hits(&[]) {
-                missed.push(shot);
+            if shot.hits(&[Axis::X, Axis::Y, Axis::Z]) != shot.hits(&[]) {
+                unlike.push(shot);
             }
         }
-        // One in two hundred is handed over on its way, and what lies past the edge hears of it a tick too late.
-        assert!(missed.len() <= 3, "{} {missed:#?}", missed.len());
+        unlike
     }
 
     /// A bullet that flies at a box.

@@ -172,6 +172,27 @@ impl Side {
         border.pace.turn();
     }
 
+    /// Takes in what other regions tell in a tick in which this one rests, if that is only how far their bodies
+    /// reach elsewhere. Returns whether nothing here lies where they have newly come to reach; otherwise this region
+    /// must act on what they tell.
+    pub(super) fn overhears<'a>(
+        &mut self,
+        inbox: impl Iterator<Item = &'a BorderMessage> + Clone,
+        ground: Ground<'_>,
+    ) -> bool {
+        let Self { region, border, .. } = self;
+        let is_elsewhere = |message: &BorderMessage| {
+            border.predicted.reaches_elsewhere(region, ground.rank_of(message), message)
+        };
+        if !inbox.clone().all(is_elsewhere) {
+            return false;
+        }
+        for message in inbox {
+            predicted_contacts::see(region, border, ground.rank_of(message), message);
+        }
+        border.overlooked.is_empty()
+    }
+
     /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.
     pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
         self.region.forget_holders();

@@ -144,6 +144,17 @@ impl PredictedContacts {
         there.iter().fold(all, |all, rank| all.union(self.seen[rank].visitors))
     }
 
+    /// Returns whether a message says no more than how far another region's bodies reach, and that is not into
+    /// this one's cell.
+    pub(super) fn reaches_elsewhere(&self, region: &Region, rank: usize, message: &BorderMessage) -> bool {
+        let Some(nearby) = &message.nearby else { return false };
+        let before = &self.seen[rank];
+        let extents = [before.extent, nearby.extent];
+        let is_elsewhere = extents.iter().flatten().all(|extent| !region.cell().touches(extent));
+        let is_same = nearby.bodies == before.bodies && nearby.visitors == before.visitors;
+        is_elsewhere && is_same && message.says_only_nearby()
+    }
+
     /// Returns the regions whose bodies reach into this one's cell.
     fn visitors(&self, region: &Region) -> RegionSet {
         let reaches =

@@ -85,6 +85,9 @@ impl RegionHost {
                     side.hear(inbox.iter().copied(), ground);
                     return;
                 }
+                if side.region.rests() && side.overhears(inbox.iter().copied(), ground) {
+                    return;
+                }
                 if !inbox.is_empty() {
                     side.region.stir();
                 }

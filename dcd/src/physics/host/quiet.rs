@@ -81,6 +81,41 @@ fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
     }
 }
 
+/// Of sixteen regions with a sleeping box each, the others rest while a box slides over one border, and the one wakes
+/// whose box is hit.
+#[test]
+fn regions_rest_beside_those_that_something_passes_between() {
+    let bounds = Bounds::new([-40.0, -1.0, -40.0], [40.0, 5.0, 40.0]);
+    let partition = Partition::new(DistributionTree::halved(bounds, 16).unwrap(), None);
+    let leaves = partition.leaves().to_vec();
+    let centres: Vec<_> = leaves.iter().map(|&leaf| partition.tree().part(leaf).centre()).collect();
+    let settings = StepSettings::default().with_coupling(Coupling::Auto);
+    let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+    let mut bodies = vec![described(&mut host, 0, [0.0, -0.5, 0.0])];
+    for (id, [x, _, z]) in (1..).zip(centres) {
+        bodies.push(described(&mut host, id, [x, 0.5, z]));
+    }
+    host.insert(bodies, &[]).unwrap();
+    for _ in 0..300 {
+        host.step().unwrap();
+    }
+    let resting = |host: &RegionHost| host.sides.iter().filter(|side| side.is_idle()).count();
+    assert_eq!(resting(&host), 16);
+    let flier = described(&mut host, 100, [-5.0, 2.0, -10.0]);
+    host.insert(vec![flier], &[]).unwrap();
+    host.step().unwrap();
+    let mut least = 16;
+    for tick in 0..60 {
+        // It flies from one inner region into the next, and on to the box there.
+        host.steer(BodyId::persistent(100), &Velocity { linear: [10.0, 0.3, 0.0], ..Velocity::default() });
+        host.step().unwrap();
+        if tick > 1 {
+            least = least.min(resting(&host));
+        }
+    }
+    assert!((13..=14).contains(&least), "{least} of 16 regions rest");
+}
+
 /// Makes a host with bricks in three courses, cut so that no island lies whole in one region.
 fn cut_wall(exchanges: usize) -> RegionHost {
     let bounds = Bounds::new([-4.0, -1.0, -2.0], [4.0, 6.0, 2.0]);

@@ -250,6 +250,8 @@ impl RegionHost {
         self.meet_all();
         for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());
+            // What reaches out of its cell may reach into another one's than before.
+            region.stir();
             if *region.cell() != cell {
                 region.set_cell(cell);
                 // Sleeping and disabled bodies are checked anew, too.

@@ -32,10 +32,7 @@ pub(super) fn decide_on(
     let Side { region, border, outbox, .. } = side;
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
-    if desired.owner != own_rank
-        && !desired.pressed
-        && launch::outruns(region, border, moment, link, desired.owner)
-    {
+    if desired.owner != own_rank && !desired.pressed && launch::outruns(region, moment, link, desired.owner) {
         (desired.owner, desired.holders) = (own_rank, desired.reached);
     }
     let away = note_away(region, link, desired.owner, moment);

@@ -82,8 +82,8 @@ pub(super) struct Client {
     /// How long to wait for a server that is out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
     give_up: Duration,
-    /// File that keeps the client's identity: with it the client goes on with the same avatars, where they
-    /// were
+    /// File that keeps the client's identity: with it, and a new token for each start, the client goes on with
+    /// the same avatars, where they were
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
     /// Ask for no more than so many bytes per second of states of bodies [default: as many as the link carries]

@@ -47,8 +47,21 @@ impl Verb {
 /// Asks the server of a data folder for something about a file, as [`ask`] does.
 pub(super) fn ask_about_file(data: &Path, verb: Verb, file: &Path) -> Result<String, Failure> {
     let file = std::path::absolute(file).map_err(|error| refused(file, &error))?;
+    if verb == Verb::Save && would_replace_own(data, &file) {
+        return Err(Failure::usage(format!(
+            "{} lies in the server's data folder, whose own files a save must not replace; choose another folder, or a name that ends in .dcd",
+            file.display()
+        )));
+    }
     let file = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
     ask(data, verb, file)
+}
+
+/// Returns whether a file may be one that the server of a data folder keeps there: none of these ends in .dcd.
+fn would_replace_own(data: &Path, file: &Path) -> bool {
+    let whole = |path: Option<&Path>| path.and_then(|path| path.canonicalize().ok());
+    let lies_there = whole(file.parent()).is_some_and(|folder| Some(folder) == whole(Some(data)));
+    lies_there && file.extension().is_none_or(|ending| ending != "dcd")
 }
 
 /// Asks the server of a data folder, waits until the request is done, and returns what the server says.

@@ -11,7 +11,7 @@ use super::requests::{Verb, ask_about_file};
 ///
 /// The nodes stop for that, for some ticks. The server writes the file, so it needs the permissions for that.
 /// `dcd restore` goes back to the saved world, `dcd serve` serves it anew, and `dcd run` goes on with it
-/// alone. Contacts begin anew then; everything else is as it was.
+/// alone. How contacts were found is kept too, as far as the manual's page on limits says.
 ///
 /// Example:
 ///   dcd save --data /var/lib/dcd before-the-boss.dcd

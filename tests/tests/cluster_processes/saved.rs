@@ -53,6 +53,8 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
         let refused = on(&server, verb, &pipe);
         assert!(refused.code() == Some(1) && refused.errors.contains("not a regular file"), "{refused:?}");
     }
+    let own = on(&server, "save", &server.data().join("authority.pem"));
+    assert!(own.code() == Some(2) && own.errors.contains("must not replace"), "{own:?}");
     let nowhere = on(&server, "save", &server.folder.path().join("no/folder/x.dcd"));
     assert!(nowhere.code() == Some(1) && nowhere.errors.contains("x.dcd"), "{nowhere:?}");
     drop((witness, nodes));

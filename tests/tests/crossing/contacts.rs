@@ -73,6 +73,28 @@ fn a_sensor_across_a_border_is_entered_and_left_once() {
     }
 }
 
+/// One of the two comes to have another owner, at once or when it has flown over a border.
+#[test]
+fn a_dynamic_sensor_is_entered_and_left_once_whoever_comes_to_own_what() {
+    let watched = ActiveEvents::COLLISION_EVENTS;
+    for coupling in SHARING {
+        for (zone_m, half_m, ball_m, speed, expected) in [
+            (0.0, 2.0, -0.9, 1.0, &[true, false][..]),
+            (0.3, 1.0, -0.6, 0.0, &[true]),
+            (-0.3, 1.0, 0.6, 0.0, &[true]),
+        ] {
+            let mut world = LocalWorld::new(weightless(halves(coupling))).unwrap();
+            let zone = ColliderBuilder::cuboid(half_m, half_m, half_m).sensor(true).active_events(watched);
+            world.insert(body_at(zone_m, 0.0, 0.0), zone).unwrap();
+            let ball = body_at(ball_m, 0.0, 0.0).linvel(Vector::X * speed);
+            world.insert(ball, ColliderBuilder::ball(0.15)).unwrap();
+            let seen = touches(&mut world, 240);
+            let began: Vec<_> = seen.iter().map(|touch| touch.3).collect();
+            assert_eq!(began, expected, "{} {zone_m} {speed}: {seen:?}", coupling.name());
+        }
+    }
+}
+
 #[test]
 fn a_removed_body_ends_its_contacts_in_the_next_tick() {
     let mut world = LocalWorld::new(halves(Coupling::Overlap)).unwrap();

@@ -35,6 +35,15 @@ impl Region {
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
     }
 
+    /// Returns whether a body is in a sensor, or something in one of its own.
+    pub(in crate::physics) fn is_sensed(&self, handle: RigidBodyHandle) -> bool {
+        let is_in = |&collider: &ColliderHandle| {
+            let mut pairs = self.world.narrow_phase.intersection_pairs_with(collider);
+            pairs.any(|(_, _, intersects)| intersects)
+        };
+        self.world.bodies[handle].colliders().iter().any(is_in)
+    }
+
     /// Returns whether this region's contacts of a body with another one, or with what is fixed, are those
     /// that moved the body. They are those of the region that leads the body if that holds the other one, and
     /// otherwise those of the region that reports them ([`Region::teller`]).

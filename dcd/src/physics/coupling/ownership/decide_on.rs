@@ -125,10 +125,10 @@ fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
 }
 
 /// Returns whether a body can be transferred at once without loss: it is dynamic and awake, no other region holds
-/// it, and nothing touches it or is tied to it. A character would stand still in its first tick there, and what a
-/// platform carries may stay here: their new owner holds them first.
+/// it, nothing touches it or is tied to it, and it is in no sensor. A character would stand still in its first
+/// tick there, and what a platform carries may stay here: their new owner holds them first.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let body = &region.physics().bodies[handle];
     let is_free = region.slot(handle).holders.is_empty() && !region.is_pressed(handle);
-    body.is_dynamic() && !body.is_sleeping() && is_free
+    body.is_dynamic() && !body.is_sleeping() && is_free && !region.is_sensed(handle)
 }

@@ -112,14 +112,22 @@ impl PredictedContacts {
         self.going_with(region, partition, |near| !is_carried(near), is_carried)
     }
 
-    /// Returns the dynamic bodies owned here that a character or a vehicle of this region may meet, with the
-    /// regions where that may soon be.
+    /// Returns the dynamic bodies owned here that a character, a vehicle or a sensor of this region may meet, and the
+    /// dynamic bodies with a sensor that other bodies of this region may meet, with the regions where these may soon
+    /// be. What is in a sensor does not touch it: without this the two would part for some ticks when one of them
+    /// comes to have another owner.
     pub(in crate::physics::coupling) fn on_the_way(
         &self,
         region: &Region,
         partition: &Partition,
     ) -> Vec<(RigidBodyHandle, RegionSet)> {
-        self.going_with(region, partition, |near| near.is_dynamic(region), |near| near.driven)
+        let is_dynamic = |near: &Near| near.is_dynamic(region);
+        let mut found = self.going_with(region, partition, is_dynamic, |near| near.driven || near.senses);
+        if self.near.iter().any(|near| near.senses && is_dynamic(near)) {
+            let senses = |near: &Near| near.senses && is_dynamic(near);
+            found.extend(self.going_with(region, partition, senses, is_dynamic));
+        }
+        found
     }
 
     /// Returns the bodies that `stays` selects and that may touch one that `goes` selects, with the regions where

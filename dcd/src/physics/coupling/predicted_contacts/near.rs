@@ -32,6 +32,8 @@ pub(in crate::physics::coupling) struct Near {
     pub(super) driven: bool,
     /// Says whether it asks for continuous collision detection.
     ccd: bool,
+    /// Says whether one of its colliders is a sensor.
+    pub(super) senses: bool,
 }
 
 impl Near {
@@ -62,6 +64,7 @@ impl Near {
             articulated: region.is_articulated(link.handle),
             driven: traits.character.is_some() || traits.vehicle.is_some(),
             ccd: body.is_ccd_enabled(),
+            senses: body.colliders().iter().any(|&of| region.physics().colliders[of].is_sensor()),
         }
     }
 

@@ -81,7 +81,7 @@ fn what_is_looked_at_is_bit_for_bit_as_without_fidelity_and_loads_overlap_no_dee
     }
 }
 
-/// What was shown on a walk through the town.
+/// A walk through the town: what was shown on it.
 #[derive(Default)]
 struct Walk {
     /// The place of each body in sight, by tick.

@@ -56,7 +56,7 @@ fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
     assert_eq!(bits(&server, &bodies), bits(&local, &bodies));
 }
 
-/// What a program does to a running world, each at a tick of its own.
+/// The acts of a program on a running world, each at a tick of its own.
 #[derive(Clone, Copy, Debug)]
 enum Deed {
     Drop,

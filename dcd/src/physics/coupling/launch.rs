@@ -59,10 +59,9 @@ pub(super) fn on_its_way(
     ahead_s: f32,
     margin_m: f64,
 ) -> RegionSet {
-    let ways = ways_of(region, link, ahead_s, margin_m);
-    let reaching = ways.map(|way| border.predicted.reaching(&way)).fold(RegionSet::EMPTY, RegionSet::union);
-    let cells = cells_on_its_way(region, partition, link, ahead_s, margin_m);
-    cells.union(reaching.without(border.neighbours.behind()))
+    let behind = border.neighbours.behind();
+    let found = |way: Bounds| partition.touching(&way).union(border.predicted.reaching(&way).without(behind));
+    ways_of(region, link, ahead_s, margin_m).map(found).fold(RegionSet::EMPTY, RegionSet::union)
 }
 
 /// Returns boxes around the ways of a body and of all that joints tie to it.
@@ -182,10 +181,10 @@ pub(super) fn flies_off(
 }
 
 /// Returns how far, in micrometres, a copy of a fast body is behind another one because it was stopped on its
-/// way in the last tick, or in the one before. Rapier stops a flying body where it is about to hit something, and lets it touch
-/// that in the next step. Returns 0 for copies that are side by side, farther apart than two ticks take them,
-/// or slow. Two: a region to which a body was sent in the exchange that told of its stop begins a tick's way
-/// ahead of it.
+/// way in the last tick, or in the one before. Rapier stops a flying body where it is about to hit something,
+/// and lets it touch that in the next step. Returns 0 for copies that are side by side, farther apart than two
+/// ticks take them, or slow. Two: a region to which a body was sent in the exchange that told of its stop begins
+/// a tick's way ahead of it.
 pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
     let way_m = way_m(ahead, tick_s);
     if way_m <= reach_m {
@@ -281,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "a minute; prints how many of 6,000 do not"]
+    #[ignore = "minutes; prints how many of 6,000 do not"]
     fn bullets_past_edges_hit_what_they_hit_in_one_world() {
         let unlike = unlike(6_000);
         println!("{} of 6,000 shots do otherwise than in one world", unlike.len());

@@ -124,8 +124,12 @@ impl PredictedContacts {
 
     /// Returns the regions whose bodies reach out of their cells to this box, as far as they have said so here.
     pub(super) fn reaching(&self, bounds: &Bounds) -> RegionSet {
-        let reaches = |nearby: &NearbyBodies| nearby.extent.is_some_and(|extent| extent.touches(bounds));
-        self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
+        self.with_extent(|extent| extent.touches(bounds))
+    }
+
+    fn with_extent(&self, is_asked: impl Fn(&Bounds) -> bool) -> RegionSet {
+        let asked = |nearby: &NearbyBodies| nearby.extent.as_ref().is_some_and(&is_asked);
+        self.seen.iter().enumerate().filter(|(_, nearby)| asked(nearby)).map(|(rank, _)| rank).collect()
     }
 
     /// Returns the regions to which the extent of this region's bodies is sent: the others that it touches, those
@@ -157,9 +161,7 @@ impl PredictedContacts {
 
     /// Returns the regions whose bodies reach into this one's cell.
     fn visitors(&self, region: &Region) -> RegionSet {
-        let reaches =
-            |nearby: &NearbyBodies| nearby.extent.is_some_and(|extent| region.cell().touches(&extent));
-        self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
+        self.with_extent(|extent| region.cell().touches(extent))
     }
 }
 

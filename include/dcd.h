@@ -405,7 +405,7 @@ typedef struct DcdWorldDef {
     uint32_t solver_iterations;
     // Gravity, m/s².
     float gravity[3];
-    // Length of a step, seconds, above 0. It belongs to the world: all processes that compute a world share it.
+    // Length of a step, seconds, from 0.000001 to 1. It belongs to the world: all processes that compute a world share it.
     float dt;
     // Lowest corner of the box that is cut into regions, metres. Bodies may leave the box: outer regions reach to infinity.
     double min[3];
@@ -1217,7 +1217,7 @@ typedef struct DcdSettings {
     uint32_t solver_iterations;
     // Gravity, m/s².
     float gravity[3];
-    // Length of a step, seconds, above 0.
+    // Length of a step, seconds, from 0.000001 to 1.
     float dt;
     // Units of length per metre, above 0: 100 if the program's numbers are centimetres. It scales the tolerances of the solver,
     // the thresholds of sleep, and `max_correction`. Gravity, `speed_limit`, densities and all else are numbers in the program's

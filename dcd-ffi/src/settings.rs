@@ -19,7 +19,7 @@ pub struct DcdSettings {
     pub solver_iterations: u32,
     /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Length of a step, seconds, above 0.
+    /// Length of a step, seconds, from 0.000001 to 1.
     pub dt: f32,
     /// Units of length per metre, above 0: 100 if the program's numbers are centimetres. It scales the tolerances of the solver,
     /// the thresholds of sleep, and `max_correction`. Gravity, `speed_limit`, densities and all else are numbers in the program's

@@ -73,7 +73,7 @@ pub struct DcdWorldDef {
     pub solver_iterations: u32,
     /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Length of a step, seconds, above 0. It belongs to the world: all processes that compute a world share it.
+    /// Length of a step, seconds, from 0.000001 to 1. It belongs to the world: all processes that compute a world share it.
     pub dt: f32,
     /// Lowest corner of the box that is cut into regions, metres. Bodies may leave the box: outer regions reach to infinity.
     pub min: [f64; 3],

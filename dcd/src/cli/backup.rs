@@ -7,7 +7,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::requests::{Verb, ask_about_file};
 use super::values::{is_used, of_folder};
-use crate::runtime::is_served;
+use crate::runtime::{is_served, is_standby};
 
 /// Copies the data folder of a running server: world, keys and joins
 ///
@@ -32,7 +32,10 @@ pub(super) struct Backup {
 
 impl Backup {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        if is_used(&self.data)? && !is_served(&self.data).map_err(|error| of_folder(&error))? {
+        if is_used(&self.data)?
+            && !is_standby(&self.data)
+            && !is_served(&self.data).map_err(|error| of_folder(&error))?
+        {
             return Err(Failure::usage(format!(
                 "no server serves the world of {}: copy the folder as it is (cp -a), or ask beside the server that has the world in etcd",
                 self.data.display()

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::values::of_folder;
+use super::values::{of_folder, stands_by};
 use crate::cluster::directory::DirectoryError;
 use crate::runtime::{ProcessError, WorldEnd, end_world};
 
@@ -47,6 +47,7 @@ impl End {
                     "{data} keeps no world; name the folder that its server was started with (--data)"
                 )));
             }
+            WorldEnd::StandsBy => return Err(stands_by(&self.data)),
             WorldEnd::Underway => {
                 return Err(Failure::run(format!(
                     "the server of {data} has been told to end its world, and is not done; see its log"

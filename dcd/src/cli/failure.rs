@@ -74,7 +74,7 @@ impl From<ProcessError> for Failure {
         match error {
             ProcessError::World(error) => error.into(),
             ProcessError::WorldEnded => Self::ended(message),
-            // What the user gave cannot be used, and nothing was said to a server yet.
+            // What the user gave cannot be used, and no server was told anything yet.
             ProcessError::Restore(_)
             | ProcessError::Directory(
                 DirectoryError::Damaged { .. }
@@ -95,6 +95,7 @@ impl From<ProcessError> for Failure {
                 | NetError::TokenRefused { .. }
                 | NetError::File { .. }
                 | NetError::Damaged { .. }
+                | NetError::WrongPeer { .. }
                 | NetError::Bind { .. },
             ) => Self::usage(message),
             _ => Self::run(message),

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::failure::Failure;
-use super::values::{AS_SERVERS_USER, of_folder};
-use crate::runtime::{LocalWorld, ServerProcess, Waiting, is_served, is_waiting};
+use super::values::{AS_SERVERS_USER, of_folder, stands_by};
+use crate::runtime::{LocalWorld, ServerProcess, Waiting, is_served, is_standby, is_waiting};
 use crate::space::NodeId;
 
 /// The most time for a server: it gives up nodes that hang within seconds, and writes large files.
@@ -67,7 +67,12 @@ fn would_replace_own(data: &Path, file: &Path) -> bool {
 /// Asks the server of a data folder, waits until the request is done, and returns what the server says.
 pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failure> {
     let shown = data.display();
+    // A server that takes over locks the folder before it stands by no longer.
+    let is_standby = is_standby(data);
     if !is_served(data).map_err(|error| of_folder(&error))? {
+        if is_standby {
+            return Err(stands_by(data));
+        }
         return Err(Failure::usage(format!(
             "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
         )));

@@ -114,6 +114,14 @@ pub(super) fn of_folder(error: &DirectoryError) -> Failure {
     Failure::usage(format!("{error}; {AS_SERVERS_USER}"))
 }
 
+/// Returns the failure of a command beside a server that stands by.
+pub(super) fn stands_by(data: &Path) -> Failure {
+    Failure::usage(format!(
+        "the server of {} stands by, and another one has the world; ask beside that one, which the log of this one names",
+        data.display()
+    ))
+}
+
 /// Checks that a new recording overwrites nothing: the file must not exist, or be empty.
 pub(super) fn unused(path: &Path) -> Result<(), Failure> {
     if path.metadata().is_ok_and(|file| file.len() > 0) {

@@ -380,11 +380,16 @@ impl Region {
         }
     }
 
-    /// Returns the awake bodies that the coupling must check in a tick.
-    pub(super) fn due(&self, tick: Tick) -> impl Iterator<Item = RigidBodyHandle> {
+    /// Returns the awake bodies that the coupling must check in a tick of this length: those whose rest is over, and
+    /// those in flight, since a collision may just have set them off.
+    pub(super) fn due(&self, tick: Tick, tick_s: f32) -> impl Iterator<Item = RigidBodyHandle> {
         let now = tick.0 as u32;
+        let flies = move |handle: RigidBodyHandle| {
+            let way_m = self.world.bodies[handle].linvel().length() * tick_s;
+            way_m > self.slot(handle).reach_m
+        };
         let awake = self.world.islands.active_bodies();
-        awake.filter(move |handle| self.due[handle.into_raw_parts().0 as usize] <= now)
+        awake.filter(move |&handle| self.due[handle.into_raw_parts().0 as usize] <= now || flies(handle))
     }
 
     /// Exempts a body from checks until a tick, unless it is changed.

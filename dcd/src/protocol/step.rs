@@ -82,6 +82,9 @@ pub struct StepRecord {
 /// A setting that is out of range: its name, its value, and the values that are allowed.
 pub type SettingFault = (&'static str, String, &'static str);
 
+/// The shortest tick, seconds. Ticks in real time that last less than a nanosecond would always be due.
+const SHORTEST_TICK_S: f32 = 1e-6;
+
 impl StepRecord {
     /// Returns the first setting that is out of range. Programs, scene files, the C API and peers all keep to
     /// these ranges.
@@ -102,9 +105,9 @@ impl StepRecord {
             ("gravity", finite, format!("{gravity:?}"), "three finite numbers, m/s²"),
             (
                 "dt_s",
-                dt_s > 0.0 && dt_s <= 1.0,
+                (SHORTEST_TICK_S..=1.0).contains(&dt_s),
                 dt_s.to_string(),
-                "above 0 and at most 1 second per tick, as 1/60",
+                "from 0.000001 to 1 second per tick, as 1/60",
             ),
             (
                 "solver_iterations",
@@ -165,6 +168,7 @@ mod tests {
         let wrong = [
             ("gravity", StepRecord { gravity: [0.0, f32::NAN, 0.0], ..GOOD }),
             ("dt_s", StepRecord { dt_s: 0.0, ..GOOD }),
+            ("dt_s", StepRecord { dt_s: 9e-7, ..GOOD }),
             ("dt_s", StepRecord { dt_s: f32::INFINITY, ..GOOD }),
             ("solver_iterations", StepRecord { solver_iterations: 0, ..GOOD }),
             ("exchanges", StepRecord { exchanges: 65, ..GOOD }),

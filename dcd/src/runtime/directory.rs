@@ -18,7 +18,7 @@ use crate::net::Authority;
 use crate::protocol::EnvironmentProperties;
 
 pub(super) use self::lock::FolderLock;
-pub(crate) use self::lock::{is_served, is_there};
+pub(crate) use self::lock::{is_served, is_standby, is_there};
 pub use self::redb::RedbDirectory;
 
 /// What a server holds while it serves a world.
@@ -99,6 +99,7 @@ fn in_etcd(
     let authority =
         Authority::load_or_adopt(&config.data, |own| world.authority(own).map_err(ProcessError::from))?;
     let authority = Arc::new(authority);
+    let standby = lock::show_standby(&config.data)?;
     // A name for people to read, different for each server.
     let number = u64::from_be_bytes(crate::net::random()?);
     let machine = host_name().map(|name| format!(" on {name}")).unwrap_or_default();
@@ -151,6 +152,7 @@ fn in_etcd(
         tracing::info!(place = address, "taking over");
     }
     let folder_lock = FolderLock::take(&config.data, &config.data)?;
+    drop(standby);
     authority.record_in(Box::new(directory.journal()));
     authority.open_ledger()?;
     Ok(Some(Opened { directory: Box::new(directory), authority, folder_lock: Some(folder_lock) }))

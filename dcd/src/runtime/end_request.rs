@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::RedbDirectory;
-use super::directory::{is_served, is_there};
+use super::directory::{is_served, is_standby, is_there};
 use super::waiting::{Waiting, is_waiting};
 use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
@@ -52,6 +52,8 @@ pub enum WorldEnd {
     ByServer,
     /// The folder stores no world.
     Nothing,
+    /// The server of the folder stands by: another server has the world. Nothing was done.
+    StandsBy,
     /// The server took the request, but did not end the world in time.
     Underway,
     /// The server did not take the request in time. The request is withdrawn, and the world goes on.
@@ -59,14 +61,19 @@ pub enum WorldEnd {
 }
 
 /// Ends the world of a data folder. A running server ends it, which this waits for; if none runs, this
-/// removes the world that is stored in the folder.
+/// removes the world that is stored in the folder. Beside a server that stands by this does nothing.
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
     let begun = Instant::now();
     let path = folder.join(REQUEST);
     let (mut asked, mut heard) = (false, false);
     let mut waiting = None;
     loop {
+        // A server that takes over locks the folder before it stands by no longer.
+        let stands_by = is_standby(folder);
         if !is_served(folder)? {
+            if stands_by && !asked {
+                return Ok(WorldEnd::StandsBy);
+            }
             if asked {
                 // Removes a request that came when the server was ending already.
                 let _ = std::fs::remove_file(&path);

@@ -79,7 +79,7 @@ pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
 #[cfg(feature = "cli")]
-pub(crate) use directory::{is_served, is_there};
+pub(crate) use directory::{is_served, is_standby, is_there};
 #[cfg(feature = "net")]
 pub use end_request::{WorldEnd, end_world};
 #[cfg(feature = "net")]

@@ -326,9 +326,22 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
     first.line("listening ");
     let mut second = serve(&place, "127.0.0.1:0", &folder.path().join("1"));
     second.line("standing by for ");
+    let asks = |verb: &[&str], data: &str| {
+        Process::start(dcd(verb).arg("--data").arg(folder.path().join(data))).end()
+    };
+    for verb in [&["end"][..], &["drain", "n1"], &["save", "saved.dcd"], &["backup", "elsewhere"]] {
+        let ended = asks(verb, "1");
+        assert_eq!(ended.code(), Some(2), "{ended:?}");
+        assert!(ended.errors.contains("stands by, and another one has the world"), "{ended:?}");
+    }
+    let beside = serve(&place, "127.0.0.1:0", &folder.path().join("1")).end();
+    assert_eq!(beside.code(), Some(1), "{beside:?}");
+    assert!(beside.errors.contains("another server"), "{beside:?}");
     first.interrupt();
     assert_eq!(first.end().code(), Some(0));
     second.line("listening ");
+    let drained = asks(&["drain", "n1"], "1");
+    assert!(drained.errors.contains("n1"), "it stands by no longer: {drained:?}");
     let mut third = serve(&place, "127.0.0.1:0", &folder.path().join("2"));
     third.line("standing by for ");
     for stops in [third, second] {

@@ -79,6 +79,12 @@ fn a_status_needs_a_token_that_was_not_used() {
     let none = Process::start(&mut dcd(&args[..3])).end();
     assert_eq!(none.code(), Some(2), "{none:?}");
     assert!(none.errors.contains("--token"), "{none:?}");
+    let other = tempfile::tempdir().unwrap();
+    let made = Process::start(dcd(&["token", "--role", "client", "--new", "--data"]).arg(other.path())).end();
+    assert_eq!(made.code(), Some(0), "{made:?}");
+    let foreign = ["status", "--server", &server.address, "--token", &made.lines[0]];
+    let foreign = Process::start(&mut dcd(&foreign)).end();
+    assert!(foreign.code() == Some(2) && foreign.errors.contains("does not prove to be"), "{foreign:?}");
     let nowhere = Process::start(&mut dcd(&["status", "--data", "/nowhere"])).end();
     assert!(nowhere.code() == Some(2) && nowhere.errors.contains("no server has used"), "{nowhere:?}");
     server.stop();

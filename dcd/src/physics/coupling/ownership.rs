@@ -63,7 +63,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     looked_at.clear();
     looked_at.extend(fresh);
     looked_at.extend(border.take_overlooked(region));
-    looked_at.extend(region.due(moment.tick));
+    looked_at.extend(region.due(moment.tick, moment.settings.dt_s));
     predicted_contacts::look(region, &mut border.predicted, moment, &looked_at);
     border.looked_at = looked_at;
     share_sudden(side, moment);

@@ -4,7 +4,7 @@
 use rapier3d::prelude::*;
 
 use super::mass_splitting::MassSplit;
-use super::{Ownership, Region, Slot};
+use super::{BodyRef, Ownership, Region, Slot};
 use crate::space::RegionSet;
 
 impl Region {
@@ -33,6 +33,28 @@ impl Region {
     ) {
         let touches = |pair: Option<&ContactPair>| pair.is_none_or(ContactPair::has_any_active_contact);
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
+    }
+
+    /// Returns the awake movable bodies that hang together with one, itself among them: those that touch, and that
+    /// joints tie to one another. `None` if they are more than `most`.
+    pub(in crate::physics) fn in_touch(&self, link: BodyRef, most: usize) -> Option<Vec<BodyRef>> {
+        let mut all = vec![link];
+        let mut next = 0;
+        while let Some(BodyRef { handle, .. }) = all.get(next).copied() {
+            next += 1;
+            self.for_each_contact(handle, |other, touches| {
+                let body = &self.world.bodies[other];
+                if touches
+                    && body.is_dynamic()
+                    && !body.is_sleeping()
+                    && all.len() <= most
+                    && all.iter().all(|known| known.handle != other)
+                {
+                    all.push(BodyRef { id: self.slot(other).id, handle: other });
+                }
+            });
+        }
+        (all.len() <= most).then_some(all)
     }
 
     /// Returns whether a body is in a sensor, or something in one of its own.
@@ -128,6 +150,15 @@ impl Region {
             pairs.any(ContactPair::has_any_active_contact)
         };
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
+    }
+
+    /// Returns whether one contact alone moves a body: it touches one collider by one of its own, and no joint
+    /// holds it.
+    pub(in crate::physics) fn is_touched_once(&self, handle: RigidBodyHandle) -> bool {
+        let pairs = |&collider: &ColliderHandle| self.world.narrow_phase.contact_pairs_with(collider);
+        let all = self.world.bodies[handle].colliders().iter().flat_map(pairs);
+        let touching = all.filter(|pair| pair.has_any_active_contact()).take(2).count();
+        touching == 1 && self.slot(handle).joints.is_empty()
     }
 
     /// Returns whether a body touches something that no contact moves.

@@ -5,6 +5,9 @@ use std::path::Path;
 
 use crate::cluster::directory::DirectoryError;
 use crate::net::{NetError, open_private};
+#[cfg(feature = "etcd")]
+use crate::runtime::waiting::Waiting;
+use crate::runtime::waiting::is_waiting;
 
 /// The lock of a data folder. The operating system releases it when the process ends, however it ends.
 pub(in crate::runtime) struct FolderLock(File);
@@ -46,6 +49,28 @@ pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
         Err(DirectoryError::Taken { .. }) => Ok(true),
         Err(error) => Err(error),
     }
+}
+
+/// The file by which a server shows that it stands by.
+const STANDBY: &str = "standby";
+
+/// Shows that a server with this data folder stands by, for as long as what this returns lives.
+#[cfg(feature = "etcd")]
+pub(super) fn show_standby(folder: &Path) -> Result<Waiting, DirectoryError> {
+    if is_standby(folder) {
+        return Err(DirectoryError::Taken { place: folder.display().to_string() });
+    }
+    let path = folder.join(STANDBY);
+    let shown = Waiting::show(&path);
+    shown.map_err(|error| DirectoryError::Unwritable {
+        place: path.display().to_string(),
+        cause: error.to_string(),
+    })
+}
+
+/// Returns whether a server with this data folder stands by now.
+pub(crate) fn is_standby(folder: &Path) -> bool {
+    is_waiting(&folder.join(STANDBY))
 }
 
 /// Returns whether a file exists, or an error if that is unknown: the folder may be another user's.

@@ -11,6 +11,9 @@ use crate::protocol::{BodyKind, Finding, Message, ToClient};
 use crate::recording::RecordedServer;
 use crate::runtime::bandwidth::LinkTotals;
 
+/// The server is held up when its loop has not turned for this long: it turns at least twice per second.
+const HELD_UP: Duration = Duration::from_secs(2);
+
 /// The numbers of a server, as its loop last wrote them down, and its record, which is read at each scrape.
 pub(in crate::runtime) struct ServerMetrics {
     numbers: Mutex<Numbers>,
@@ -187,11 +190,33 @@ impl Source for ServerMetrics {
     fn ready(&self) -> Result<(), String> {
         self.write(|numbers| {
             turns(numbers.turned)?;
-            match (numbers.over, numbers.turned) {
-                (Some(why), _) => Err(why.to_owned()),
-                (None, None) => Err("the server begins".to_owned()),
-                (None, Some(_)) => Ok(()),
-            }
+            readiness(numbers.over, numbers.turned.map(|turned| turned.elapsed()))
         })
+    }
+}
+
+/// Returns why a server lets nobody in, whose loop turned so long ago.
+fn readiness(over: Option<&'static str>, turned: Option<Duration>) -> Result<(), String> {
+    match (over, turned) {
+        (Some(why), _) => Err(why.to_owned()),
+        (None, None) => Err("the server begins".to_owned()),
+        (None, Some(ago)) if ago >= HELD_UP => {
+            Err(format!("the server has waited for {} s, perhaps for its directory", ago.as_secs()))
+        }
+        (None, Some(_)) => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_lets_nobody_in_before_it_turns_while_it_is_held_up_and_when_it_is_over() {
+        let [soon, late] = [1, 3].map(|s| Some(Duration::from_secs(s)));
+        assert_eq!(readiness(None, soon), Ok(()));
+        assert!(readiness(None, None).unwrap_err().contains("begins"));
+        assert!(readiness(None, late).unwrap_err().contains("3 s, perhaps for its directory"));
+        assert_eq!(readiness(Some("it has ended"), soon), Err("it has ended".to_owned()));
     }
 }

@@ -33,8 +33,8 @@ pub enum SnapshotError {
     /// The checksums match, but the content is no world.
     #[error("the snapshot makes no world ({0}): it was made by another build of dcd; restore it by that one")]
     Undecodable(DecodeError),
-    /// Writing failed, or something in the world cannot be written to a file.
-    #[error("cannot save the world ({0}); free some space, or remove bodies of a custom shape")]
+    /// Something in the world cannot be written to a file.
+    #[error("cannot save the world ({0}); remove bodies of a custom shape")]
     Unsavable(EncodeError),
     /// The file cannot be read or written.
     #[error("the snapshot cannot be read or written: {0}; check the path, its permissions and the disk")]
@@ -42,4 +42,13 @@ pub enum SnapshotError {
     /// There cannot be that many threads, or the operating system refuses to start one.
     #[error(transparent)]
     Threads(#[from] WorldError),
+}
+
+impl From<EncodeError> for SnapshotError {
+    fn from(error: EncodeError) -> Self {
+        match error {
+            EncodeError::Io { inner, .. } => Self::Io(inner),
+            error => Self::Unsavable(error),
+        }
+    }
 }

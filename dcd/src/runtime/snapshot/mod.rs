@@ -71,7 +71,7 @@ impl LocalWorld {
         let header = header::write(FORMAT, to)?;
         let mut blocks = BlockWriter::new(to, header);
         let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint, strengths };
-        write_state(&saved, &mut blocks).map_err(SnapshotError::Unsavable)?;
+        write_state(&saved, &mut blocks)?;
         Ok(blocks.finish()?)
     }
 

@@ -344,6 +344,24 @@ fn the_number_of_threads_changes_nothing() {
 }
 
 #[test]
+fn a_disk_that_is_full_is_said_to_be() {
+    struct Full;
+    impl std::io::Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let (world, ..) = busy(Coupling::Owner);
+    let error = world.save(Full).unwrap_err();
+    let SnapshotError::Io(cause) = &error else { panic!("{error:?}") };
+    assert_eq!(cause.kind(), std::io::ErrorKind::StorageFull);
+    assert!(error.to_string().contains("no storage space; check the path"), "{error}");
+}
+
+#[test]
 fn what_is_not_a_snapshot_is_said_to_be_none() {
     for other in [&b""[..], b"[world]", b"\x89dcdsna", b"\x89dcdsnapshot"] {
         let error = LocalWorld::restore(other, 1).err().unwrap();

@@ -9,6 +9,10 @@ use crate::physics::coupling::{Moment, Side, launch, predicted_contacts};
 use crate::physics::region::{BodyRef, Ownership};
 use crate::space::RegionSet;
 
+/// The most bodies that are sent with one that a collision sped up, since they touch it or joints tie them to
+/// it: more would be too much to send at every blow.
+const MOST_IN_TOUCH: usize = 64;
+
 /// Sends the bodies inserted since the last step to the regions that must hold them: all whose cell they come
 /// near, and if they are fast, all whose bodies reach to their way.
 pub(in crate::physics::coupling) fn announce(side: &mut Side, moment: Moment<'_>) {
@@ -30,30 +34,46 @@ pub(super) fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyH
     for &link in &fresh {
         let region = &side.region;
         if region.slot(link.handle).role == Ownership::Owner && !region.is_articulated(link.handle) {
-            share(side, moment, link);
+            share(side, moment, link, RegionSet::EMPTY);
         }
     }
     fresh.into_iter().map(|link| link.handle).collect()
 }
 
-/// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next ones.
+/// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next ones,
+/// with all that hangs together with them: they follow the copy that is stopped there only if all of that is
+/// there (`leader`).
 pub(super) fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
-        let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
-        // Too much of an assembly would be sent at every blow.
-        let is_tied = side.region.slot(link.handle).assembly.is_some();
-        if !is_decided
-            && !is_tied
-            && launch::flies_off(&side.region, &side.border, moment, link, launch::UNSEEN_TICKS, 0.0)
-        {
-            side.region.slot_mut(link.handle).whole = false;
-            share(side, moment, link);
+        let Side { region, border, .. } = side;
+        if !launch::flies_off(region, border, moment, link, launch::UNSEEN_TICKS, 0.0) {
+            continue;
+        }
+        let is_tied = region.slot(link.handle).assembly.is_some();
+        let all = match region.in_touch(link, MOST_IN_TOUCH) {
+            Some(all) => all,
+            None if is_tied => continue,
+            None => vec![link],
+        };
+        let ahead_s = launch::UNSEEN_TICKS * moment.settings.dt_s;
+        let margin_m = moment.partition.halo_m();
+        let near = launch::on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
+        for link in all {
+            let region = &side.region;
+            let is_own =
+                region.slot(link.handle).role == Ownership::Owner && !region.is_articulated(link.handle);
+            let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
+            if is_own && !is_decided {
+                side.region.slot_mut(link.handle).whole = false;
+                share(side, moment, link, near);
+            }
         }
     }
 }
 
-/// Sends a body to all regions that it comes near in the next tick, or in the next ticks if it is fast.
-fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
+/// Sends a body to all regions that it comes near in the next tick, or in the next ticks if it is fast, and
+/// to `more`.
+fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
     let Side { region, border, outbox, .. } = side;
     let (own, handle) = (RegionSet::only(region.rank()), link.handle);
     let (whole, partition) = (region.slot(handle).whole, moment.partition);
@@ -70,6 +90,7 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
         (false, false) => launch::cells_on_its_way(region, partition, link, ahead_s, margin_m),
         (true, false) => RegionSet::EMPTY,
     };
+    let near = near.union(more);
     let reached = border.neighbours.reached(region.rank(), near);
     let holders = reached.union(region.slot(handle).holders).without(own);
     // A region that is behind takes in no body, and does not apply its own decisions.
@@ -83,7 +104,11 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
         // regions, whole, find more than a part of it there: it stays as it is until it wakes.
         let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
         let asleep = region.physics().bodies[handle].is_sleeping();
-        let warming = if whole || follows && (is_fast || asleep) { holders } else { RegionSet::EMPTY };
+        let warming = if whole || follows && (is_fast || asleep || !more.is_empty()) {
+            holders
+        } else {
+            RegionSet::EMPTY
+        };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {
@@ -98,6 +123,52 @@ mod tests {
 
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
+
+    /// A chain at rest is struck from behind, and flies at a box behind a border.
+    #[test]
+    fn a_chain_that_is_struck_hits_what_lies_behind_a_border() {
+        let mut unlike = Vec::new();
+        for links in [2, 4] {
+            for speed in [60.0, 80.0, 120.0, 160.0, 200.0] {
+                for head_m in [-0.6, -1.0, -2.0, -3.0, -4.0, -5.0, -6.0] {
+                    let [one, two] = [false, true].map(|is_cut| hits_box(links, speed, head_m, is_cut));
+                    if one != two {
+                        unlike.push(format!("{links} links, {head_m} m, {speed} m/s"));
+                    }
+                }
+            }
+        }
+        assert!(unlike.is_empty(), "{} {unlike:#?}", unlike.len());
+    }
+
+    /// Returns whether the first link of a chain hits the box.
+    fn hits_box(links: usize, speed: f32, head_m: f32, is_cut: bool) -> bool {
+        let cuts = is_cut.then_some((Axis::X, 0.0)).into_iter().collect();
+        let mut config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+        config.step.gravity = [0.0; 3];
+        let mut world = LocalWorld::new(config).unwrap();
+        let at = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::X * x);
+        let outline = ColliderBuilder::cuboid(0.5, 0.5, 0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+        let target = world.insert(at(0.6), outline).unwrap();
+        let (mut former, mut head) = (None, None);
+        for link in 0..links {
+            let ball = at(head_m - link as f32 * 1.7).ccd_enabled(true);
+            let ball = world.insert(ball, ColliderBuilder::ball(0.5).mass(3.0)).unwrap();
+            head.get_or_insert(ball);
+            if let Some(former) = former.replace(ball) {
+                let joint = SphericalJointBuilder::new();
+                let joint = joint.local_anchor1(Vector::X * -0.85).local_anchor2(Vector::X * 0.85);
+                world.insert_joint(former, ball, joint).unwrap();
+            }
+        }
+        let striker = at(head_m - links as f32 * 1.7 - 3.0).linvel(Vector::X * speed).ccd_enabled(true);
+        world.insert(striker, ColliderBuilder::ball(0.6).mass(150.0)).unwrap();
+        (0..20).any(|_| {
+            world.step().unwrap();
+            let touches = &world.events().touches;
+            touches.iter().any(|touch| touch.key.other(target).is_some_and(|other| Some(other) == head))
+        })
+    }
 
     /// A ball that comes in flight hits a box that was inserted asleep over a border.
     #[test]

@@ -107,7 +107,7 @@ impl PredictedContacts {
 
     /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than
     /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is checked at most that many
-    /// ticks late.
+    /// ticks late, and one that flies off at once.
     fn rest_of(&self, region: &Region, handle: RigidBodyHandle) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();

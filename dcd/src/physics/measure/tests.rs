@@ -314,7 +314,7 @@ fn a_body_that_is_not_finite_is_named() {
 #[test]
 fn a_heap_presses_on_the_ground_with_its_weight_whoever_owns_the_boxes_below() {
     let owners_of = |island_limit| {
-        let scene = Scene::named("heap", &Params::new().with("n", 1_000).with("seed", 3)).unwrap();
+        let scene = Scene::named("heap", &Params::new().with("n", 500).with("seed", 3)).unwrap();
         let cuts = vec![(Axis::X, 0.0), (Axis::Z, 0.0), (Axis::Y, 3.0)];
         let mut config =
             WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::for_scene(&scene) };

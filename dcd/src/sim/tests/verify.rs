@@ -231,8 +231,8 @@ fn no_honest_participant_is_accused_whatever_goes_wrong() {
         Loss20, Delay, Reorder, Duplicate, Partition1, Partition5, OneWay, KillNode, KillLeader, KillServer,
         Stop, Rebalance, Grow, Shrink, Restore,
     ];
-    let verified = trials(&TrialConfig { verify: true, ..TrialConfig::default() }, &profiles, 0..2);
-    assert!(verified > 5_000, "{verified} ticks");
+    let verified = trials(&TrialConfig { verify: true, ..TrialConfig::default() }, &profiles, 0..1);
+    assert!(verified > 2_500, "{verified} ticks");
 }
 
 #[test]

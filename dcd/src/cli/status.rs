@@ -222,7 +222,10 @@ struct Region {
 impl Report {
     /// Creates it from two answers, and the time between them.
     fn of(before: &Told, now: &Told, between: Duration) -> Self {
-        let ticks_per_s = now.tick.0.saturating_sub(before.tick.0) as f64 / between.as_secs_f64();
+        // Between the moments at which the server heard of the two ticks.
+        let [since, from] = [now, before].map(|told| f64::from(told.heard_ms) / 1e3);
+        let ticks = now.tick.0.saturating_sub(before.tick.0) as f64;
+        let ticks_per_s = ticks / (between.as_secs_f64() + from - since).max(1e-3);
         let groups = now.groups.iter().map(|group| Group {
             group: group.group.to_string(),
             view: group.view.0,
@@ -349,6 +352,26 @@ impl Node {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::{GroupId, Tick};
+
+    #[test]
+    fn a_rate_is_of_the_time_between_what_the_server_heard() {
+        let told = |tick, heard_ms| Told {
+            tick: Tick(tick),
+            heard_ms,
+            dt_s: 1.0 / 60.0,
+            bodies: 0,
+            clients: 0,
+            main: GroupId(1),
+            groups: Vec::new(),
+            nodes: Vec::new(),
+        };
+        let rate = |before: Told, now: Told| Report::of(&before, &now, Duration::from_secs(1)).ticks_per_s;
+        // It heard of three half seconds, or of one, in a second.
+        assert!((rate(told(30, 499), told(120, 0)) - 60.0).abs() < 0.1);
+        assert!((rate(told(30, 0), told(60, 499)) - 60.0).abs() < 0.2);
+        assert_eq!(rate(told(30, 200), told(30, 1_200)), 0.0, "it stands");
+    }
 
     #[test]
     fn a_folder_whose_server_is_not_at_the_usual_address_leads_to_the_option_for_it() {

@@ -23,7 +23,7 @@ use crate::space::ClientId;
 
 /// The version of the protocol. It grows with every change of the message set. Peers of different versions
 /// refuse each other.
-pub const VERSION: u32 = 36;
+pub const VERSION: u32 = 37;
 
 /// The longest message in bytes. A single shape (a height field of 2,000 × 2,000) needs most. A longer
 /// message is refused before it is sent (`ShapeRecord::can_travel`).
@@ -333,6 +333,7 @@ mod tests {
         let (groups, nodes) = (vec![group], vec![node]);
         Message::Status(Status {
             tick: Tick(9),
+            heard_ms: 400,
             dt_s: 0.1,
             bodies: 3,
             clients: 1,

@@ -36,6 +36,8 @@ pub(super) struct Group {
     pub id: GroupId,
     pub record: Record,
     pub tick: Tick,
+    /// The time at which the server heard of that tick.
+    pub heard_at: Duration,
     pub view: Option<View>,
     /// The view before the present one: members that never heard of the present view are known by it.
     pub former: Option<View>,
@@ -91,6 +93,7 @@ impl Group {
             id,
             record,
             tick,
+            heard_at: Duration::ZERO,
             view: None,
             former: None,
             change: None,
@@ -308,7 +311,9 @@ impl Group {
                     self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
                 if leads {
-                    self.tick = self.tick.max(tick);
+                    if tick > self.tick {
+                        (self.tick, self.heard_at) = (tick, common.now);
+                    }
                     // While the group is unsure, what the leader was told may be lost with a link.
                     if self.change.is_none() && !self.unsure {
                         let ahead = common.config.world.protocol.lag_ticks() + 1;

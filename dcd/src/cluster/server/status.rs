@@ -42,8 +42,9 @@ impl Server {
         }
         self.statuses.told.insert(to, now);
         let fresh = self.statuses.newest.take().filter(|&(at, _)| now < at + FRESH);
-        let (at, status) = fresh.unwrap_or_else(|| (now, self.status()));
+        let (at, mut status) = fresh.unwrap_or_else(|| (now, self.status()));
         self.statuses.newest = Some((at, status.clone()));
+        status.heard_ms = status.heard_ms.saturating_add(millis(now - at));
         self.common.outputs.push_back(ServerOutput::Send { to, message: Message::Status(status) });
     }
 
@@ -82,6 +83,7 @@ impl Server {
         };
         Status {
             tick: self.tick(),
+            heard_ms: millis(self.common.now.saturating_sub(self.main().heard_at)),
             dt_s: self.common.config.world.step.dt_s,
             bodies: self.record().present().filter(|body| body.traits.kind != BodyKind::Fixed).count() as u32,
             clients: self.linked_clients().count() as u32,
@@ -90,6 +92,10 @@ impl Server {
             nodes: self.common.nodes.iter().map(node).collect(),
         }
     }
+}
+
+fn millis(time: Duration) -> u32 {
+    u32::try_from(time.as_millis()).unwrap_or(u32::MAX)
 }
 
 fn regions(group: &Group, view: &View) -> Vec<RegionStatus> {

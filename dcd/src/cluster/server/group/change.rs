@@ -278,7 +278,9 @@ impl Group {
                 common.stale += forged.len() as u64;
                 change.surveys.insert(node, claims);
                 change.divisions.insert(node, division);
-                self.tick = self.tick.max(tick);
+                if tick > self.tick {
+                    (self.tick, self.heard_at) = (tick, common.now);
+                }
                 self.plan(common);
                 true
             }

@@ -237,7 +237,7 @@ fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them
         copies += world.stats().replicas;
     }
     let moves = world.stats().transfers;
-    assert!(moves > 500, "half of it must have moved: {moves}");
+    assert!(moves > 400, "a third of it must have moved: {moves}");
     assert!(moves < 2 * 1200, "{moves} moves of 1,200 bodies");
     assert!(copies < ticks * 1200 * 3 / 2, "{} copies of 1,200 bodies", copies / ticks);
 }

@@ -384,12 +384,15 @@ impl Region {
     /// those in flight, since a collision may just have set them off.
     pub(super) fn due(&self, tick: Tick, tick_s: f32) -> impl Iterator<Item = RigidBodyHandle> {
         let now = tick.0 as u32;
-        let flies = move |handle: RigidBodyHandle| {
-            let way_m = self.world.bodies[handle].linvel().length() * tick_s;
-            way_m > self.slot(handle).reach_m
-        };
+        let is_due = move |handle: RigidBodyHandle| self.due[handle.into_raw_parts().0 as usize] <= now;
         let awake = self.world.islands.active_bodies();
-        awake.filter(move |&handle| self.due[handle.into_raw_parts().0 as usize] <= now || flies(handle))
+        awake.filter(move |&handle| is_due(handle) || self.flies(handle, tick_s))
+    }
+
+    /// Returns whether a body moves by more than its own radius in a tick: it may jump over what it would hit.
+    pub(super) fn flies(&self, handle: RigidBodyHandle, tick_s: f32) -> bool {
+        let way_m = self.world.bodies[handle].linvel().length() * tick_s;
+        way_m > self.slot(handle).reach_m && way_m.is_finite()
     }
 
     /// Exempts a body from checks until a tick, unless it is changed.

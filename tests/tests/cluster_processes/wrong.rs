@@ -151,7 +151,7 @@ fn a_process_that_is_not_let_in_says_why() {
     has(&join("node", "hello", 2), &["no dcd token", "dcd1-"]);
     let mut elsewhere = dcd(&["token", "--new", "--role", "node", "--data"]);
     let foreign = Process::start(elsewhere.arg(server.folder.path().join("other"))).end().lines[0].clone();
-    has(&join("node", &foreign, 1), &["check the address", "token"]);
+    has(&join("node", &foreign, 2), &["check the address", "token"]);
     // A token can be used once.
     let mut node = Process::start(&mut dcd(&["node", "--server", &server.address, "--token", &good]));
     node.line("joined as ");

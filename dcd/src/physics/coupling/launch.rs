@@ -24,12 +24,6 @@ const STOPPED_M: f32 = 0.01;
 /// The number of ticks in which a body that begins to fly may meet what nobody has predicted.
 pub(super) const UNSEEN_TICKS: f32 = AHEAD_TICKS + 1.0;
 
-/// Returns whether a body moves by more than its own radius in a tick: it may jump over what it would hit.
-pub(super) fn is_fast(region: &Region, handle: RigidBodyHandle, velocity: Vector, tick_s: f32) -> bool {
-    let way_m = velocity.length() * tick_s;
-    way_m > region.slot(handle).reach_m && way_m.is_finite()
-}
-
 /// Returns a body and all that joints tie to it; nothing where no joint does. These are shared alike, or
 /// regions would not follow the same copy of all of them.
 pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
@@ -75,8 +69,7 @@ fn ways_of(region: &Region, link: BodyRef, ahead_s: f32, margin_m: f64) -> impl 
 /// owner has asked for them at the last one.
 pub(super) fn outruns(region: &Region, moment: Moment<'_>, link: BodyRef, owner: usize) -> bool {
     let (partition, dt_s) = (moment.partition, moment.settings.dt_s);
-    let body = region.physics().bodies.get(link.handle);
-    if !body.is_some_and(|body| is_fast(region, link.handle, body.linvel(), dt_s)) {
+    if !region.physics().bodies.contains(link.handle) || !region.flies(link.handle, dt_s) {
         return false;
     }
     // It arrives in the next tick, and is compared with what is there in the one after.
@@ -175,7 +168,7 @@ pub(super) fn flies_off(
     body.is_dynamic()
         && !region.is_articulated(handle)
         && region.slot(handle).holders.is_empty()
-        && is_fast(region, handle, body.linvel(), tick_s)
+        && region.flies(handle, tick_s)
         && on_its_way(region, border, moment.partition, link, ticks * tick_s, margin_m)
             != RegionSet::only(region.rank())
 }

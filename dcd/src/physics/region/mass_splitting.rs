@@ -231,19 +231,26 @@ impl Region {
         (force * follow + before.0 * (1.0 - follow), before.1 + (torque - before.1) * twist)
     }
 
-    /// Returns the impulse of contacts and joints on a copy with all of the mass, newton seconds, in a step of this length: what moved the
-    /// copy besides gravity, damping and the forces applied here. `None` if that is not known: the copy has made
-    /// several steps since the last exchange, or cannot move along some axes.
-    pub(in crate::physics) fn push_in_step(&self, handle: RigidBodyHandle, dt_s: f32) -> Option<Vector> {
+    /// Returns the impulse of contacts and joints on a copy with all of the mass, newton seconds, in a step of this
+    /// length: what moved the copy besides gravity, damping and the forces applied here. Nothing is known along
+    /// locked axes, nor if the copy has made several steps since the last exchange.
+    pub(in crate::physics) fn push_in_step(
+        &self,
+        handle: RigidBodyHandle,
+        dt_s: f32,
+    ) -> Option<[Option<f32>; 3]> {
         let body = &self.world.bodies[handle];
         let mass_split = self.mass_split(handle).filter(|mass_split| mass_split.parts == 1)?;
         let start = mass_split.start.filter(|start| start.elapsed_s <= 1.01 * dt_s)?;
-        if !body.is_dynamic() || body.is_sleeping() || !body.locked_axes().is_empty() {
+        if !body.is_dynamic() || body.is_sleeping() {
             return None;
         }
         let undamped = body.linvel() * (1.0 + dt_s * body.linear_damping());
         let gained = undamped - start.linear - self.world.gravity * (body.gravity_scale() * dt_s);
-        Some(gained * body.mass() - (mass_split.push + mass_split.user_force) * dt_s)
+        let push = gained * body.mass() - (mass_split.push + mass_split.user_force) * dt_s;
+        let moves = body.mass_properties().effective_inv_mass.to_array().map(|inverse| inverse != 0.0);
+        let known = |i: usize| moves[i].then_some(push.to_array()[i]);
+        Some(std::array::from_fn(known))
     }
 
     /// Returns the user's force and torque on the whole body, in N and N m, if it has a mass split.

@@ -17,8 +17,24 @@ const SURPRISE_M_S: f32 = 10.0;
 /// The mark of a body that is far from any border.
 const FAR: u32 = u32::MAX;
 
-/// Checks bodies owned here: keeps a list of those near the border, and lets the others rest.
+/// Checks bodies owned here, all that are due: keeps a list of those near the border, and lets the others rest.
 pub(in crate::physics::coupling) fn look(
+    region: &mut Region,
+    predicted: &mut PredictedContacts,
+    moment: Moment<'_>,
+    handles: &[RigidBodyHandle],
+) {
+    look_at(region, predicted, moment, handles);
+    let PredictedContacts { flying, tick_s, .. } = predicted;
+    let own = handles.iter().filter(|&&handle| region.slot(handle).role == Ownership::Owner);
+    let in_flight = own.filter(|&&handle| region.flies(handle, *tick_s));
+    flying.clear();
+    flying.extend(in_flight.map(|&handle| (handle, region.physics().bodies[handle].linvel())));
+    flying.sort_unstable_by_key(|(handle, _)| handle.into_raw_parts());
+}
+
+/// Checks some bodies owned here, before the others.
+pub(in crate::physics::coupling) fn look_at(
     region: &mut Region,
     predicted: &mut PredictedContacts,
     moment: Moment<'_>,
@@ -48,7 +64,7 @@ pub(in crate::physics::coupling) fn look(
     let mut found: Vec<_> = moment.team.spread(&close, |&link| Some(Near::of(region, link, ahead_s)));
     // By Rapier's handle, not by id, so that nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    let PredictedContacts { near, seen, sudden, tick_s, .. } = predicted;
+    let PredictedContacts { near, seen, sudden, flying, tick_s, .. } = predicted;
     let jumps = |link: BodyRef, by: Vector| by.length() * *tick_s > region.slot(link.handle).reach_m;
     sudden.clear();
     near.retain_mut(|known| {
@@ -62,8 +78,14 @@ pub(in crate::physics::coupling) fn look(
         place != FAR
     });
     let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
-    // A body that comes so near without having been seen coming was sped up.
-    sudden.extend(newcomers.iter().filter(|near| jumps(near.link, near.velocity)).map(|near| near.link));
+    // A body that comes so near and did not fly here before was sped up.
+    let before = |near: &&Near| {
+        let key = near.link.handle.into_raw_parts();
+        let place = flying.binary_search_by_key(&key, |(handle, _)| handle.into_raw_parts());
+        place.map_or(Vector::ZERO, |place| flying[place].1)
+    };
+    let is_sudden = |near: &&Near| jumps(near.link, near.velocity - before(near));
+    sudden.extend(newcomers.iter().filter(is_sudden).map(|near| near.link));
     if !newcomers.is_empty() {
         newcomers.sort_unstable_by_key(|near| near.link.id);
         near.append(&mut newcomers);

@@ -44,7 +44,8 @@ impl End {
             }
             WorldEnd::Nothing => {
                 return Err(Failure::usage(format!(
-                    "{data} keeps no world; name the folder that its server was started with (--data)"
+                    "{data} keeps no world; name the folder that its server was started with (--data), and if the world is in etcd, \
+                     start its server again first, which ends it"
                 )));
             }
             WorldEnd::StandsBy => return Err(stands_by(&self.data)),

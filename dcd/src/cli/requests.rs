@@ -74,7 +74,7 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
             return Err(stands_by(data));
         }
         return Err(Failure::usage(format!(
-            "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
+            "no server runs in {shown}; start it, or name the folder that `dcd serve` was started with (--data)"
         )));
     }
     let asked = Asked::write(data, verb, about)?;

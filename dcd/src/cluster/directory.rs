@@ -184,7 +184,9 @@ pub enum DirectoryError {
         what: String,
     },
     /// The directory is not a world of dcd.
-    #[error("{place} is no world of dcd; choose another place, or move it away to begin a world here")]
+    #[error(
+        "{place} is no world of dcd; put a backup in its place, choose another place, or move it away to begin a world here"
+    )]
     Foreign {
         /// The place of the directory.
         place: String,

@@ -370,7 +370,8 @@ pub(super) fn explain(
             addr,
             code: CloseCode::REFUSED,
             reason: format!(
-                "it does not accept our certificate ({}); join anew with a fresh token of its server",
+                "it does not accept our certificate ({}); join anew with a fresh token of its server, and see that the clocks \
+                 of both machines agree",
                 close.error_code
             ),
         },

@@ -48,8 +48,17 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
                     identity = fresh;
                     (begun, counted, least) = (SystemTime::now(), Instant::now(), LEAST);
                     is_expiry_told = false;
-                    let hours = left(&identity, SystemTime::now()).as_secs() / 3600;
-                    tracing::info!(who = %identity.who, hours, "the certificate is renewed");
+                    let left = left(&identity, SystemTime::now());
+                    if left.is_zero() {
+                        tracing::warn!(
+                            who = %identity.who,
+                            "the new certificate has expired by this machine's clock, which is a day or more ahead of \
+                             the server's: no link can be made with others; set both clocks (NTP)"
+                        );
+                    } else {
+                        let hours = left.as_secs() / 3600;
+                        tracing::info!(who = %identity.who, hours, "the certificate is renewed");
+                    }
                 }
                 Err(error) => {
                     pause = RETRY;

@@ -128,6 +128,7 @@ fn by_hand() -> Vec<Vec<u8>> {
     let body = sim_body(BodyId::persistent(7), [1.0; 3]);
     let status = Status {
         tick: Tick(9),
+        heard_ms: 250,
         dt_s: 1.0 / 60.0,
         bodies: 1,
         clients: 1,

@@ -225,7 +225,10 @@ impl Report {
         // Between the moments at which the server heard of the two ticks.
         let [since, from] = [now, before].map(|told| f64::from(told.heard_ms) / 1e3);
         let ticks = now.tick.0.saturating_sub(before.tick.0) as f64;
-        let ticks_per_s = ticks / (between.as_secs_f64() + from - since).max(1e-3);
+        let heard_s = between.as_secs_f64() + from - since;
+        // Another main group has been heard of at other times.
+        let is_same = before.main == now.main && heard_s > 0.1;
+        let ticks_per_s = ticks / if is_same { heard_s } else { between.as_secs_f64() };
         let groups = now.groups.iter().map(|group| Group {
             group: group.group.to_string(),
             view: group.view.0,

@@ -82,7 +82,8 @@ pub struct StepRecord {
 /// A setting that is out of range: its name, its value, and the values that are allowed.
 pub type SettingFault = (&'static str, String, &'static str);
 
-/// The shortest tick, seconds. Ticks in real time that last less than a nanosecond would always be due.
+/// The shortest tick, seconds. Ticks in real time that last less than a nanosecond would always be due; a
+/// microsecond is less than any world needs.
 const SHORTEST_TICK_S: f32 = 1e-6;
 
 impl StepRecord {

@@ -28,6 +28,8 @@ mod desired;
 mod membership;
 mod ready;
 
+use std::collections::BTreeSet;
+
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
@@ -185,11 +187,10 @@ fn candidates(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<BodyR
     all.dedup_by_key(|link| link.id);
     all.retain(|link| !region.is_articulated(link.handle));
     // Bodies inserted in this tick have been decided on already.
-    let fresh = |link: &BodyRef| border.decisions.iter().any(|decision| decision.link.id == link.id);
-    all.retain(|link| border.decisions.is_empty() || !fresh(link));
+    let decided = border.decisions.iter().map(|decision| decision.link.id);
     // Others of these have yet to be announced.
-    let waiting: Vec<_> = region.fresh().map(|link| link.handle).collect();
-    all.retain(|link| !waiting.contains(&link.handle));
+    let fresh: BTreeSet<_> = decided.chain(region.fresh().map(|link| link.id)).collect();
+    all.retain(|link| !fresh.contains(&link.id));
     all
 }
 

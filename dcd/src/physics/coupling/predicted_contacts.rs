@@ -59,7 +59,7 @@ pub(super) struct PredictedContacts {
     ahead_s: f32,
     /// The box, in region space, in which bodies concern no other region.
     inner: (Vector, Vector),
-    /// The velocities, a tick ago, of bodies owned here that flew, in order of Rapier's handles.
+    /// The velocities, when they were last looked at, of bodies owned here that flew, in order of Rapier's handles.
     flying: Vec<(RigidBodyHandle, Vector)>,
     /// Bodies whose velocity has just changed by more than their own radius per tick.
     #[serde(skip)]

@@ -35,18 +35,16 @@ impl Region {
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
     }
 
-    /// Returns the awake movable bodies that hang together with one, itself among them: those that touch, and that
-    /// joints tie to one another. `None` if they are more than `most`.
+    /// Returns the dynamic bodies that hang together with one, itself among them: those that touch, and that joints
+    /// tie to one another. `None` if they are more than `most`.
     pub(in crate::physics) fn in_touch(&self, link: BodyRef, most: usize) -> Option<Vec<BodyRef>> {
         let mut all = vec![link];
         let mut next = 0;
         while let Some(BodyRef { handle, .. }) = all.get(next).copied() {
             next += 1;
             self.for_each_contact(handle, |other, touches| {
-                let body = &self.world.bodies[other];
                 if touches
-                    && body.is_dynamic()
-                    && !body.is_sleeping()
+                    && self.world.bodies[other].is_dynamic()
                     && all.len() <= most
                     && all.iter().all(|known| known.handle != other)
                 {

@@ -144,7 +144,10 @@ impl Region {
     /// notes its velocities.
     pub(in crate::physics) fn prepare_copy(&mut self, handle: RigidBodyHandle, dt_s: f32) {
         let body = &self.world.bodies[handle];
-        if !body.is_dynamic() || body.is_sleeping() {
+        if body.is_sleeping() {
+            return self.restart_copy(handle);
+        }
+        if !body.is_dynamic() {
             return;
         }
         let (linear, angular) = (body.linvel(), body.angvel_with_gyroscopic_forces(dt_s));
@@ -233,7 +236,8 @@ impl Region {
 
     /// Returns the impulse of contacts and joints on a copy with all of the mass, newton seconds, in a step of this
     /// length: what moved the copy besides gravity, damping and the forces applied here. Nothing is known along
-    /// locked axes, nor if the copy has made several steps since the last exchange.
+    /// locked axes, nor of a vehicle, whose wheels push it, nor at the highest speed, nor if the copy has made several
+    /// steps since the last exchange.
     pub(in crate::physics) fn push_in_step(
         &self,
         handle: RigidBodyHandle,
@@ -242,10 +246,12 @@ impl Region {
         let body = &self.world.bodies[handle];
         let mass_split = self.mass_split(handle).filter(|mass_split| mass_split.parts == 1)?;
         let start = mass_split.start.filter(|start| start.elapsed_s <= 1.01 * dt_s)?;
-        if !body.is_dynamic() || body.is_sleeping() {
+        let undamped = body.linvel() * (1.0 + dt_s * body.linear_damping());
+        let is_capped = undamped.length() >= 0.999 * self.world.integration_parameters.max_linear_velocity();
+        if !body.is_dynamic() || body.is_sleeping() || is_capped || self.slot(handle).traits.vehicle.is_some()
+        {
             return None;
         }
-        let undamped = body.linvel() * (1.0 + dt_s * body.linear_damping());
         let gained = undamped - start.linear - self.world.gravity * (body.gravity_scale() * dt_s);
         let push = gained * body.mass() - (mass_split.push + mass_split.user_force) * dt_s;
         let moves = body.mass_properties().effective_inv_mass.to_array().map(|inverse| inverse != 0.0);

@@ -35,15 +35,11 @@ pub(super) fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyH
     let fresh = side.region.take_fresh();
     let mut known = BTreeSet::new();
     for &link in &fresh {
-        if may_share(&side.region, link) && known.insert(link.id) {
-            share(side, moment, link, RegionSet::EMPTY);
-        }
+        share_in_touch(side, moment, link, &mut known);
     }
     for &link in &fresh {
-        if may_share(&side.region, link)
-            && launch::flies_off(&side.region, &side.border, moment, link, launch::UNSEEN_TICKS, 0.0)
-        {
-            share_in_touch(side, moment, link, &mut known);
+        if may_share(&side.region, link) && known.insert(link.id) {
+            share(side, moment, link, RegionSet::EMPTY);
         }
     }
     fresh.into_iter().map(|link| link.handle).collect()
@@ -53,11 +49,7 @@ pub(super) fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyH
 pub(super) fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     let mut known: BTreeSet<_> = side.border.decisions.iter().map(|decision| decision.link.id).collect();
     for link in std::mem::take(&mut side.border.predicted.sudden) {
-        if !known.contains(&link.id)
-            && launch::flies_off(&side.region, &side.border, moment, link, launch::UNSEEN_TICKS, 0.0)
-        {
-            share_in_touch(side, moment, link, &mut known);
-        }
+        share_in_touch(side, moment, link, &mut known);
     }
 }
 
@@ -65,15 +57,26 @@ pub(super) fn share_sudden(side: &mut Side, moment: Moment<'_>) {
 /// the copy that is stopped there only if all of that is there (`leader`). `known` bodies have been sent.
 fn share_in_touch(side: &mut Side, moment: Moment<'_>, link: BodyRef, known: &mut BTreeSet<BodyId>) {
     let Side { region, border, .. } = side;
-    let is_tied = region.slot(link.handle).assembly.is_some();
+    if known.contains(&link.id)
+        || launch::together(region, link).len() > MOST_IN_TOUCH
+        || !launch::flies_off(region, border, moment, link, launch::UNSEEN_TICKS, 0.0)
+    {
+        return;
+    }
+    let assembly = |link: &BodyRef| region.slot(link.handle).assembly;
     let all = match region.in_touch(link, MOST_IN_TOUCH) {
         Some(all) => all,
-        None if is_tied => return,
+        None if assembly(&link).is_some() => return,
         None => vec![link],
     };
     let ahead_s = launch::UNSEEN_TICKS * moment.settings.dt_s;
     let margin_m = moment.partition.halo_m();
-    let near = launch::on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
+    // The way of one body of an assembly is that of all of it.
+    let counts = |other: &&BodyRef| {
+        other.id == link.id || assembly(other).is_none() || assembly(other) != assembly(&link)
+    };
+    let way = |link: &BodyRef| launch::on_its_way(region, border, moment.partition, *link, ahead_s, margin_m);
+    let near = all.iter().filter(counts).map(way).fold(RegionSet::EMPTY, RegionSet::union);
     for link in all {
         if may_share(&side.region, link) && known.insert(link.id) {
             side.region.slot_mut(link.handle).whole = false;
@@ -142,7 +145,9 @@ mod tests {
     fn a_body_that_touches_another_and_is_set_off_hits_what_lies_behind_a_border() {
         let mut missed = Vec::new();
         for speed in [60.0, 150.0, 250.0, 350.0] {
-            for from_m in [-0.6, -1.2, -2.0, -3.0, -3.8, -5.0] {
+            for (from_m, settles) in
+                [(-0.6, 5), (-0.6, 200), (-1.2, 5), (-2.0, 5), (-2.0, 200), (-3.0, 5), (-3.8, 5), (-5.0, 200)]
+            {
                 let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
                 let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
                 config.step.gravity = [0.0; 3];
@@ -152,7 +157,8 @@ mod tests {
                 let ball = ColliderBuilder::ball(0.3).density(5.0);
                 let first = world.insert(at(from_m).ccd_enabled(true), ball.clone()).unwrap();
                 world.insert(at(from_m - 0.599), ball).unwrap();
-                (0..5).for_each(|_| world.step().unwrap());
+                // Both are awake, or both sleep.
+                (0..settles).for_each(|_| world.step().unwrap());
                 world.update(first, |body| body.set_linvel(Vector::X * speed, true)).unwrap();
                 (0..20).for_each(|_| world.step().unwrap());
                 if world.velocity(target).unwrap().linear[0] < 1.0 {
@@ -166,18 +172,19 @@ mod tests {
     /// A chain at rest is struck from behind, and flies at a box behind a border.
     #[test]
     fn a_chain_that_is_struck_hits_what_lies_behind_a_border() {
-        let mut unlike = Vec::new();
+        let (mut unlike, mut hits) = (Vec::new(), 0);
         for links in [2, 4] {
             for speed in [60.0, 80.0, 120.0, 160.0, 200.0] {
                 for head_m in [-0.6, -1.0, -2.0, -3.0, -4.0, -5.0, -6.0] {
                     let [one, two] = [false, true].map(|is_cut| hits_box(links, speed, head_m, is_cut));
+                    hits += usize::from(one);
                     if one != two {
                         unlike.push(format!("{links} links, {head_m} m, {speed} m/s"));
                     }
                 }
             }
         }
-        assert!(unlike.is_empty(), "{} {unlike:#?}", unlike.len());
+        assert!(unlike.is_empty() && hits > 50, "{hits} hits in one world, {} {unlike:#?}", unlike.len());
     }
 
     /// Returns whether the first link of a chain hits the box.

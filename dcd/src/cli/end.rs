@@ -45,7 +45,7 @@ impl End {
             WorldEnd::Nothing => {
                 return Err(Failure::usage(format!(
                     "{data} keeps no world; name the folder that its server was started with (--data), and if the world is in etcd, \
-                     start its server again first, which ends it"
+                     start its server again and end it then"
                 )));
             }
             WorldEnd::StandsBy => return Err(stands_by(&self.data)),

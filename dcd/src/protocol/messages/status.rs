@@ -15,7 +15,7 @@ use crate::space::{Bounds, ClientId, GroupId, NodeId, RegionId, Tick};
 pub struct Status {
     /// The newest tick that a member of the main group is known to have completed.
     pub tick: Tick,
-    /// How long ago the server heard of that tick, milliseconds: it hears twice per second.
+    /// The time since the server heard of that tick, milliseconds. It hears twice per second.
     pub heard_ms: u32,
     /// The length of a tick, seconds.
     pub dt_s: f32,

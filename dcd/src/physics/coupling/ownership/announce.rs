@@ -47,8 +47,12 @@ pub(super) fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyH
 
 /// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next ones.
 pub(super) fn share_sudden(side: &mut Side, moment: Moment<'_>) {
+    let sudden = std::mem::take(&mut side.border.predicted.sudden);
+    if sudden.is_empty() {
+        return;
+    }
     let mut known: BTreeSet<_> = side.border.decisions.iter().map(|decision| decision.link.id).collect();
-    for link in std::mem::take(&mut side.border.predicted.sudden) {
+    for link in sudden {
         share_in_touch(side, moment, link, &mut known);
     }
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::failure::Failure;
 use super::values::{AS_SERVERS_USER, of_folder, stands_by};
+use crate::cluster::DrainError;
 use crate::runtime::{LocalWorld, ServerProcess, Waiting, is_served, is_standby, is_waiting};
 use crate::space::NodeId;
 
@@ -17,6 +18,12 @@ const WAIT: Duration = Duration::from_secs(120);
 const LOOK: Duration = Duration::from_millis(20);
 /// The interval at which the asker looks whether the server still runs.
 const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
+/// The first line of an answer: the request is done.
+const DONE: &str = "done";
+/// The first line of an answer: what was asked for cannot be done, and nothing was.
+const IMPOSSIBLE: &str = "impossible";
+/// The first line of an answer: something failed.
+const FAILED: &str = "failed";
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
 /// The file by which an asker shows that it waits. What an asker that was killed has asked is not done.
@@ -53,6 +60,12 @@ pub(super) fn ask_about_file(data: &Path, verb: Verb, file: &Path) -> Result<Str
             file.display()
         )));
     }
+    if verb == Verb::Backup && lies_in(&file, data) {
+        return Err(Failure::usage(format!(
+            "{} would lie in the folder that is backed up; choose a folder elsewhere, best on another disk",
+            file.display()
+        )));
+    }
     let file = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
     ask(data, verb, file)
 }
@@ -62,6 +75,12 @@ fn would_replace_own(data: &Path, file: &Path) -> bool {
     let whole = |path: Option<&Path>| path.and_then(|path| path.canonicalize().ok());
     let lies_there = whole(file.parent()).is_some_and(|folder| Some(folder) == whole(Some(data)));
     lies_there && file.extension().is_none_or(|ending| ending != "dcd")
+}
+
+/// Returns whether a folder that is to be made would lie in another one, at any depth.
+fn lies_in(new: &Path, folder: &Path) -> bool {
+    let Ok(folder) = folder.canonicalize() else { return false };
+    new.ancestors().skip(1).filter_map(|above| above.canonicalize().ok()).any(|above| above == folder)
 }
 
 /// Asks the server of a data folder, waits until the request is done, and returns what the server says.
@@ -83,7 +102,8 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
     loop {
         if let Ok(said) = fs::read_to_string(answer) {
             return match said.split_once('\n') {
-                Some(("done", text)) => Ok(text.to_owned()),
+                Some((DONE, text)) => Ok(text.to_owned()),
+                Some((IMPOSSIBLE, text)) => Err(Failure::usage(text)),
                 Some((_, text)) => Err(Failure::run(text)),
                 None => Err(Failure::run(format!("{} is no answer of a server: {said}", answer.display()))),
             };
@@ -192,32 +212,31 @@ fn done(request: &Path, server: &ServerProcess) -> Option<String> {
     let _ = fs::remove_file(request);
     let said = match read.as_ref().map(|text| text.split_once('\n')) {
         Ok(Some((verb, about))) => carry_out(verb, about, server),
-        Ok(None) => Err("the request is no request of dcd".to_owned()),
+        Ok(None) => Err((FAILED, "the request is no request of dcd".to_owned())),
         Err(error) => {
             let path = request.display();
-            Err(format!("the server cannot read the request {path}: {error}; {AS_SERVERS_USER}"))
+            Err((FAILED, format!("the server cannot read the request {path}: {error}; {AS_SERVERS_USER}")))
         }
     };
-    Some(match said {
-        Ok(text) => format!("done\n{text}"),
-        Err(text) => format!("failed\n{text}"),
-    })
+    let (outcome, text) = said.map_or_else(|error| error, |text| (DONE, text));
+    Some(format!("{outcome}\n{text}"))
 }
 
-fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, String> {
+/// Carries out a request, and returns what it came to; or how it failed, and why.
+fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, (&'static str, String)> {
     let file = Path::new(about);
     let shown = file.display();
-    let failed = |error: &dyn std::fmt::Display| format!("{shown}: {error}");
+    let failed = |error: &dyn std::fmt::Display| (FAILED, format!("{shown}: {error}"));
     match Verb::ALL.into_iter().find(|known| known.name() == verb) {
         Some(Verb::Save) => {
-            let world = server.save().map_err(|error| error.to_string())?;
+            let world = server.save().map_err(|error| (FAILED, error.to_string()))?;
             world.save_file(file).map_err(|error| failed(&error))?;
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
             Ok(format!("saved {bodies} movable bodies after tick {tick} to {shown}"))
         }
         Some(Verb::Restore) => {
             let saved = LocalWorld::open_snapshot(file).and_then(|from| LocalWorld::restore(from, 1));
-            let world = saved.map_err(|error| failed(&error))?;
+            let world = saved.map_err(|error| (IMPOSSIBLE, format!("{shown}: {error}")))?;
             server.replace(&world).map_err(|error| failed(&error))?;
             let tick = world.tick().0;
             Ok(format!(
@@ -225,18 +244,24 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             ))
         }
         Some(Verb::Backup) => {
-            let bodies = server.back_up(file).map_err(|error| error.to_string())?;
+            let bodies = server.back_up(file).map_err(|error| (FAILED, error.to_string()))?;
             Ok(format!(
                 "backed up to {shown}, with {bodies} movable bodies: the server's own command goes on with the world, with --data {shown} and \
                  without --directory"
             ))
         }
         Some(Verb::Drain) => {
-            let node = node(about)?;
-            server.drain(node).map_err(|error| error.to_string())?;
+            let node = node(about).map_err(|error| (IMPOSSIBLE, error))?;
+            server.drain(node).map_err(|error| match error {
+                DrainError::Unknown(_)
+                | DrainError::Gone(_)
+                | DrainError::Last(_)
+                | DrainError::Plays(..) => (IMPOSSIBLE, error.to_string()),
+                error => (FAILED, error.to_string()),
+            })?;
             Ok(format!("{node} is drained: other nodes have its regions, and it has ended"))
         }
-        None => Err(format!("a request to `{verb}`, which this version of dcd does not know")),
+        None => Err((FAILED, format!("a request to `{verb}`, which this version of dcd does not know"))),
     }
 }
 

@@ -12,17 +12,20 @@ use serde::Serialize;
 use super::common::{Common, print_to_reader};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use super::values::{SERVER, address, is_used, joining};
+use super::values::{SERVER, address, is_used, joining, of_folder};
 use crate::net::{Authority, JoinRole, NetError};
 use crate::protocol::{NodeStatus, Status as Told};
 use crate::runtime::measure::FidelityShare;
-use crate::runtime::{ProcessError, StatusLink};
+use crate::runtime::{ProcessError, StatusLink, is_served, is_standby};
 use crate::space::Bounds;
 
 /// The time between two answers of the server, from which rates follow.
 const BETWEEN: Duration = Duration::from_secs(1);
 /// The most time for an answer.
 const ANSWER: Duration = Duration::from_secs(10);
+/// The longest time to wait for an answer with --watch before the server is dialled again: another one may
+/// have taken over, which the link with one that was cut off does not tell for as long as ten seconds.
+const ANSWER_WATCHED: Duration = Duration::from_secs(3);
 /// How long a token of our own is valid: it is used at once.
 const AT_ONCE: Duration = Duration::from_secs(60);
 /// The interval at which Ctrl-C is looked for.
@@ -69,8 +72,9 @@ impl Status {
         let interrupt = Interrupt::listen()?;
         let mut link = interrupt.at_once(|| self.dial())?;
         let (mut last, mut is_lost) = (None, false);
+        let patience = if self.watch { ANSWER_WATCHED } else { ANSWER };
         while !interrupt.asked() {
-            match interrupt.at_once(|| asked(&mut link, is_lost)) {
+            match interrupt.at_once(|| asked(&mut link, is_lost, patience)) {
                 Ok(now) => {
                     let at = Instant::now();
                     if let Some((before, then)) = last.replace((now.clone(), at))
@@ -136,6 +140,13 @@ impl Status {
                 data.display()
             )));
         }
+        let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
+        if usual && !is_standby(data) && !is_served(data).map_err(|error| of_folder(&error))? {
+            return Err(Failure::usage(format!(
+                "no server runs in {}; start it, or name the address of the one that has its world (--server)",
+                data.display()
+            )));
+        }
         let token =
             Authority::load_or_create(data)?.issue_token(JoinRole::Client, AT_ONCE, SystemTime::now())?;
         Ok(token.to_string())
@@ -143,11 +154,11 @@ impl Status {
 }
 
 /// Asks a server, which is dialled again first if its link is lost.
-fn asked(link: &mut StatusLink, is_lost: bool) -> Result<Told, ProcessError> {
+fn asked(link: &mut StatusLink, is_lost: bool, patience: Duration) -> Result<Told, ProcessError> {
     if is_lost {
         link.dial_again(ANSWER)?;
     }
-    link.ask(ANSWER)
+    link.ask(patience)
 }
 
 /// Waits until the next answer is due, or the user asks for the end.

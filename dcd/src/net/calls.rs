@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard};
 use std::time::{Instant, SystemTime};
 
@@ -11,7 +11,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::{EventSender, HeldEvent};
 use super::first::{AGAIN, first_of};
-use super::join::{answer, explain};
+use super::join::{answer, explain, is_of_age};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
 use super::source::{Calls, Part};
@@ -34,6 +34,8 @@ pub(super) struct Shared {
     pub(super) dial: RwLock<ClientConfig>,
     /// The time until which the certificate proves the name.
     pub(super) expiry: Mutex<SystemTime>,
+    /// Whether a peer that we dialled has found our certificate expired since it was renewed.
+    pub(super) is_refused_for_age: AtomicBool,
     pub(super) who: PeerName,
     pub(super) authority: Option<Arc<Authority>>,
     pub(super) limits: Limits,
@@ -207,6 +209,15 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, hands
         Some(Ok(connection)) => connection,
         Some(Err(error)) => {
             tracing::debug!(%addr, "handshake failed: {error}");
+            if is_of_age(&error)
+                && let Some(left_out) = shared.refusals.tell(Instant::now())
+            {
+                tracing::warn!(
+                    %addr, left_out,
+                    "refuses a peer whose certificate has expired by this machine's clock; it gets a new one where it asks \
+                     for one; if this comes again, see that the clocks of both machines agree (NTP)"
+                );
+            }
             shared.totals().handshakes_refused += 1;
             return;
         }
@@ -299,7 +310,6 @@ async fn reach(
     addr: SocketAddr,
     expected: PeerName,
 ) -> Result<(SocketAddr, PeerName, Connection), NetError> {
-    let failed = |error| explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error);
     let name = &expected.dns_names()[0];
     let config = shared.dial.read().unwrap_or_else(PoisonError::into_inner).clone();
     let connection = shared
@@ -307,13 +317,22 @@ async fn reach(
         .connect_with(config, addr, name)
         .map_err(|error| NetError::Broken { addr, detail: error.to_string() })?
         .await
-        .map_err(failed)?;
+        .map_err(|error| failed(shared, addr, expected, error))?;
     let who = names_of_peer(connection.peer_identity()).filter(|who| who.answers_to(expected));
     let Some(who) = who else {
         connection.close(CloseCode::REFUSED.into(), b"your certificate has another name");
         return Err(NetError::WrongPeer { addr, expected, detail: "its names are others".to_owned() });
     };
     Ok((addr, who, connection))
+}
+
+/// Returns the error for a connection that was dialled and that failed. A certificate that the peer finds
+/// expired is renewed.
+fn failed(shared: &Shared, addr: SocketAddr, expected: PeerName, error: ConnectionError) -> NetError {
+    if is_of_age(&error) {
+        shared.is_refused_for_age.store(true, Ordering::Relaxed);
+    }
+    explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error)
 }
 
 /// Opens the lanes of a connection to the peer at an address. From then on the connection counts.
@@ -325,9 +344,7 @@ async fn greet_at(
 ) -> Result<Lanes, NetError> {
     match greet(connection).await {
         Ok(lanes) => Ok(lanes),
-        Err(GreetError::Lost(error)) => {
-            Err(explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error))
-        }
+        Err(GreetError::Lost(error)) => Err(failed(shared, addr, expected, error)),
         Err(GreetError::Refused(reason)) => Err(NetError::Refused { addr, code: CloseCode::REFUSED, reason }),
     }
 }

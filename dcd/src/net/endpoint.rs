@@ -91,6 +91,7 @@ impl Net {
             answer: RwLock::new(answer),
             dial: RwLock::new(dial),
             expiry: Mutex::new(identity.expires()),
+            is_refused_for_age: Default::default(),
             who: identity.who(),
             authority,
             connection_slots: Arc::new(Semaphore::new(limits.connections)),

@@ -12,7 +12,7 @@ use super::{CloseCode, JoinRole, MAX_DATAGRAM_BYTES, PeerName};
 #[derive(Debug, thiserror::Error)]
 pub enum NetError {
     /// A file or folder cannot be used.
-    #[error("cannot use {}: {source}; check that it exists and that this user may read and write it", path.display())]
+    #[error("cannot use {}: {source}; {}", path.display(), to_use(.source))]
     File {
         /// The file or folder.
         path: PathBuf,
@@ -120,6 +120,17 @@ pub enum NetError {
     /// The runtime's threads cannot be started.
     #[error("cannot start the network threads: {0}; raise the limit of threads or of open files")]
     Threads(io::Error),
+}
+
+/// Returns the remedy where a file or folder cannot be used.
+fn to_use(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room there",
+        io::ErrorKind::PermissionDenied => {
+            "run this as the user whom it belongs to (beside a server: runuser -u dcd -- dcd ...)"
+        }
+        _ => "check that it exists and that this user may read and write it",
+    }
 }
 
 /// Returns the remedy where an address cannot be listened on.

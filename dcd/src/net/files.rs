@@ -30,6 +30,10 @@ pub(crate) fn draft_of(path: &Path) -> PathBuf {
     name.into()
 }
 
+/// The bytes that are written to see whether there is room: more than an identity has.
+#[cfg(feature = "physics")]
+const TRIED_BYTES: usize = 8_192;
+
 /// Checks that [`replace_private`] can write there, as far as that can be known beforehand.
 #[cfg(feature = "physics")]
 pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
@@ -41,8 +45,9 @@ pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
         return Err(at(path)(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file")));
     }
     let draft = draft_of(path);
-    open_private(&draft, OpenOptions::new().write(true).create(true).truncate(true))?;
-    fs::remove_file(&draft).map_err(at(&draft))
+    let tried = try_write(&draft, OpenOptions::new().create(true).truncate(true), &[0; TRIED_BYTES]);
+    let removed = fs::remove_file(&draft).map_err(at(&draft));
+    tried.and(removed)
 }
 
 /// Writes a private file so that after a crash it holds the old or the new content, never a part of it.
@@ -53,9 +58,11 @@ pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetErro
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(&draft)(error)),
         _ => {}
     }
-    let mut file = open_private(&draft, OpenOptions::new().write(true).create_new(true))?;
-    file.write_all(content).and_then(|()| file.sync_all()).map_err(at(&draft))?;
-    fs::rename(&draft, path).map_err(at(path))?;
+    let written = try_write(&draft, OpenOptions::new().create_new(true), content);
+    if let Err(error) = written.and_then(|()| fs::rename(&draft, path).map_err(at(path))) {
+        let _ = fs::remove_file(&draft);
+        return Err(error);
+    }
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         // The rename itself is durable only when the folder is.
         #[cfg(unix)]
@@ -64,6 +71,11 @@ pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetErro
         let _ = folder;
     }
     Ok(())
+}
+
+fn try_write(draft: &Path, options: &mut OpenOptions, content: &[u8]) -> Result<(), NetError> {
+    let mut file = open_private(draft, options.write(true))?;
+    file.write_all(content).and_then(|()| file.sync_all()).map_err(at(draft))
 }
 
 #[cfg(all(test, unix))]

@@ -353,6 +353,20 @@ pub(super) async fn answer(
     connection.close(CloseCode::DONE.into(), b"answered");
 }
 
+/// The code by which QUIC tells that a certificate has expired: TLS's alert 45 (RFC 8446, section 6; RFC 9001,
+/// section 4.8).
+const CERTIFICATE_EXPIRED: u64 = 0x100 + 45;
+
+/// Returns whether one of both sides has ended a handshake since the other's certificate has expired by its
+/// clock.
+pub(super) fn is_of_age(error: &ConnectionError) -> bool {
+    match error {
+        ConnectionError::TransportError(ours) => u64::from(ours.code) == CERTIFICATE_EXPIRED,
+        ConnectionError::ConnectionClosed(theirs) => u64::from(theirs.error_code) == CERTIFICATE_EXPIRED,
+        _ => false,
+    }
+}
+
 /// Returns the error for a connection that we dialled and that failed.
 pub(super) fn explain(
     addr: SocketAddr,

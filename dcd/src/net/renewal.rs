@@ -2,10 +2,13 @@
 //! use it from then on.
 //!
 //! The holder of the key of a certificate of this authority gets a new certificate for the same name, even if
-//! the old one has expired: a machine that slept, or whose clock was set, is still the same process.
+//! the old one has expired: a machine that slept, or whose clock was set, is still the same process. It asks
+//! at once when a peer finds its certificate expired, as a server does that was started again with its clock
+//! days ahead.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 use rustls::pki_types::CertificateDer;
@@ -29,8 +32,8 @@ const RENEW_AFTER: f64 = 2.0 / 3.0;
 /// The most elapsed time after which a certificate is renewed, whatever the clock says: by a clock that is
 /// behind, it seems to last for long.
 const MOST: Duration = Duration::from_secs(16 * 3_600);
-/// The least elapsed time between two renewals, for a process by whose clock each new certificate has already
-/// expired.
+/// The least elapsed time between two renewals, for a process by whose clock, or a peer's, each new
+/// certificate has already expired.
 const LEAST: Duration = Duration::from_secs(300);
 
 /// Renews the identity of a process at its server, for as long as the process runs.
@@ -41,13 +44,22 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     let mut least = Duration::ZERO;
     let mut is_expiry_told = false;
     loop {
-        let mut pause = LOOK;
-        if is_due(identity.expires(), begun, SystemTime::now(), counted.elapsed(), least) {
+        let (mut pause, now) = (LOOK, SystemTime::now());
+        let is_refused = shared.is_refused_for_age.load(Ordering::Relaxed) && counted.elapsed() >= least;
+        if is_refused || is_due(identity.expires(), begun, now, counted.elapsed(), least) {
+            if is_refused && identity.expires() > now {
+                tracing::warn!(
+                    who = %identity.who,
+                    "a peer finds this certificate expired, which is valid by this machine's clock: the clocks differ by \
+                     hours; set both (NTP). A new certificate is asked for"
+                );
+            }
             match renewed(&shared, &identity, &servers).await {
                 Ok(fresh) => {
                     identity = fresh;
                     (begun, counted, least) = (SystemTime::now(), Instant::now(), LEAST);
                     is_expiry_told = false;
+                    shared.is_refused_for_age.store(false, Ordering::Relaxed);
                     let left = left(&identity, SystemTime::now());
                     if left.is_zero() {
                         tracing::warn!(

@@ -146,8 +146,11 @@ pub struct Region {
     roused: Vec<RigidBodyHandle>,
     /// Bodies with joints that were put to sleep among bodies that are awake.
     laid: Vec<RigidBodyHandle>,
-    /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
-    born_asleep: Vec<RigidBodyHandle>,
+    /// Bodies inserted asleep since the last step, which has to find their contacts, and sleepers that a copy
+    /// touched which was given up since; some may be gone again, or woken.
+    sleepers_to_keep: Vec<RigidBodyHandle>,
+    /// The colliders of these copies.
+    departed: Vec<ColliderHandle>,
     /// The movable bodies that Rapier does not step, since they are disabled or fixed, by Rapier's body
     /// index.
     #[serde(skip)]
@@ -208,7 +211,8 @@ impl Region {
             touched: Vec::new(),
             roused: Vec::new(),
             laid: Vec::new(),
-            born_asleep: Vec::new(),
+            sleepers_to_keep: Vec::new(),
+            departed: Vec::new(),
             unstepped: BTreeMap::new(),
             revision: 0,
             stepped: 0,

@@ -2,11 +2,21 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use crate::process::{Ended, Process, Server, dcd, playground};
 
 fn back_up(data: &Path, folder: &Path) -> Ended {
     Process::start(dcd(&["backup", "--data"]).args([data, folder])).end()
+}
+
+/// Returns the command so that it can write to no file. (The limit is on the size of files, since no test may
+/// mount a disk that is full.)
+fn under_a_full_disk(command: &mut Command) -> Command {
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "trap '' XFSZ; ulimit -f 0; exec \"$@\"", "sh"]);
+    limited.arg(command.get_program()).args(command.get_args());
+    limited
 }
 
 #[test]
@@ -20,6 +30,22 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     let join = |more: &[&str]| Process::start(dcd(&["node", "--json", "--server", &address]).args(more));
     let unkept = join(&["--token", &used, "--identity", file("no/identity").to_str().unwrap()]).end();
     assert!(unkept.code() == Some(2) && unkept.errors.contains("no/identity"), "no use is spent: {unkept:?}");
+    let mut no_room = under_a_full_disk(&mut dcd(&[
+        "node",
+        "--json",
+        "--server",
+        &address,
+        "--token",
+        &used,
+        "--identity",
+        kept[0][1],
+    ]));
+    let no_room = Process::start(&mut no_room).end();
+    assert!(
+        no_room.code() == Some(2) && no_room.errors.contains("File too large"),
+        "no use is spent: {no_room:?}"
+    );
+    assert!(!file("first").exists() && !file("first.draft").exists(), "nothing is left");
     let mut spent = join(&["--token", &used, "--identity", kept[0][1]]);
     assert_eq!(spent.line("joined as "), "n1");
     let (name, other) = server.node_with(&kept[1]);
@@ -32,6 +58,8 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     assert_eq!(copied.code(), Some(0), "{copied:?}");
     assert!(copied.lines[0].contains("with 156 movable bodies"), "{copied:?}");
     assert!(copied.lines[0].contains(&format!("with --data {}", copy.display())), "{copied:?}");
+    let inside = back_up(&data, &data.join("kept/monday"));
+    assert!(inside.code() == Some(2) && inside.errors.contains("choose a folder elsewhere"), "{inside:?}");
     for (place, said) in [(&copy, "it is there already"), (&file("no/folder"), "no/folder")] {
         let refused = back_up(&data, place);
         let errors = &refused.errors;

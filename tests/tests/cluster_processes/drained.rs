@@ -82,7 +82,7 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
     witness.advance(30);
 
     let gone = drain(&data, &name);
-    assert!(gone.code() == Some(1) && gone.errors.contains("has left the world already"), "{gone:?}");
+    assert!(gone.code() == Some(2) && gone.errors.contains("has left the world already"), "{gone:?}");
     // Stands for a request of root under the umask 077, which the server cannot read. The tests may run as
     // root themselves, so the content is unreadable instead.
     let asker = std::fs::File::create(data.join("asker-0")).unwrap();
@@ -94,7 +94,7 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
     let answer = std::fs::read_to_string(answer).unwrap();
     assert!(answer.starts_with("failed\nthe server cannot read the request"), "{answer}");
     let stranger = drain(&data, "n9");
-    assert!(stranger.code() == Some(1) && stranger.errors.contains("never was"), "{stranger:?}");
+    assert!(stranger.code() == Some(2) && stranger.errors.contains("never was"), "{stranger:?}");
     let nothing = drain(&data, "rock");
     assert!(nothing.code() == Some(2) && nothing.errors.contains("write its name"), "{nothing:?}");
 
@@ -113,7 +113,7 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
     }
     let last = drain(&data, &name);
     assert!(
-        last.code() == Some(1) && last.errors.contains("is the last node: start another one"),
+        last.code() == Some(2) && last.errors.contains("is the last node: start another one"),
         "{last:?}"
     );
     witness.advance(30);

@@ -10,7 +10,8 @@ use serde_json::Value;
 use crate::metrics::wait;
 use crate::process::{Process, dcd, playground};
 
-/// The processes of a world, all with a wall clock that can be moved. The monotonic clock is not changed.
+/// The processes of a world, with wall clocks that can be moved: one of the server's machine, and one of all
+/// others. The monotonic clocks are not changed.
 struct Moved {
     library: PathBuf,
     folder: tempfile::TempDir,
@@ -31,23 +32,28 @@ impl Moved {
 
     /// Sets all wall clocks ahead of the true time by this offset, such as `+25h`.
     fn ahead(&self, by: &str) {
+        self.set(Machine::Server, by);
+        self.set(Machine::Other, by);
+    }
+
+    fn set(&self, machine: Machine, by: &str) {
         let next = self.folder.path().join("next");
         std::fs::write(&next, by).unwrap();
         // Renamed, so that no process reads half a number.
-        std::fs::rename(next, self.offset()).unwrap();
+        std::fs::rename(next, self.offset(machine)).unwrap();
     }
 
-    fn offset(&self) -> PathBuf {
-        self.folder.path().join("offset")
+    fn offset(&self, machine: Machine) -> PathBuf {
+        self.folder.path().join(format!("{machine:?}"))
     }
 
     fn data(&self) -> PathBuf {
         self.folder.path().join("data")
     }
 
-    fn dcd(&self, args: &[&str]) -> Command {
+    fn dcd(&self, machine: Machine, args: &[&str]) -> Command {
         let mut command = dcd(args);
-        command.env("LD_PRELOAD", &self.library).env("FAKETIME_TIMESTAMP_FILE", self.offset());
+        command.env("LD_PRELOAD", &self.library).env("FAKETIME_TIMESTAMP_FILE", self.offset(machine));
         // Read the file at each call, and let no process restart its clock at its own beginning.
         command.env("FAKETIME_NO_CACHE", "1").env("FAKETIME_DONT_RESET", "1");
         command.env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
@@ -55,7 +61,8 @@ impl Moved {
     }
 
     fn serve(&self) -> Process {
-        let mut command = self.dcd(&["serve", "--json", "--nodes", "2", "--listen", &self.address, "--data"]);
+        let mut command = self
+            .dcd(Machine::Server, &["serve", "--json", "--nodes", "2", "--listen", &self.address, "--data"]);
         let mut server = Process::start(command.arg(self.data()).arg(playground()));
         server.line("listening ");
         server
@@ -63,18 +70,19 @@ impl Moved {
 
     /// Starts a process in this role, with a new token.
     fn join(&self, role: &str) -> Process {
-        let mut token = self.dcd(&["token", "--role", role, "--data"]);
+        let mut token = self.dcd(Machine::Server, &["token", "--role", role, "--data"]);
         let told = Process::start(token.arg(self.data())).end();
         assert_eq!(told.code(), Some(0), "{told:?}");
         let args = [role, "--json", "--server", &self.address, "--token", &told.lines[0]];
-        let mut process = Process::start(&mut self.dcd(&args));
+        let mut process = Process::start(&mut self.dcd(Machine::Other, &args));
         process.line("joined as ");
         process
     }
 
     /// Returns the output of `dcd status`.
     fn status(&self) -> Value {
-        let mut status = self.dcd(&["status", "--json", "--server", &self.address, "--data"]);
+        let mut status =
+            self.dcd(Machine::Server, &["status", "--json", "--server", &self.address, "--data"]);
         let told = Process::start(status.arg(self.data())).end();
         assert_eq!(told.code(), Some(0), "{told:?}");
         told.json()
@@ -90,6 +98,36 @@ impl Moved {
             told["tick"].as_u64().filter(|&tick| is_whole && tick > past)
         })
     }
+}
+
+/// A machine, by its clock.
+#[derive(Clone, Copy, Debug)]
+enum Machine {
+    Server,
+    Other,
+}
+
+#[test]
+fn a_server_that_is_started_again_with_its_clock_days_ahead_goes_on_with_its_nodes() {
+    let Some(world) = Moved::new() else { return };
+    let mut server = world.serve();
+    let mut nodes = [world.join("node"), world.join("node")];
+    let client = world.join("client");
+    let begun = world.whole(2, 1, 0);
+
+    server.signal("-TERM");
+    assert_eq!(server.end().code(), Some(0));
+    world.set(Machine::Server, "+50h");
+    server = world.serve();
+    let kept: u64 = server.line("going on with the world at tick ").parse().unwrap();
+    assert!(kept >= begun, "{kept}, after {begun}");
+    world.whole(2, 1, kept);
+    assert!(nodes.iter_mut().all(Process::is_running));
+    server.interrupt();
+    let told = server.end().errors;
+    assert!(told.contains("expired by this machine's clock"), "{told}");
+    client.interrupt();
+    assert_eq!(client.end().code(), Some(130));
 }
 
 #[test]

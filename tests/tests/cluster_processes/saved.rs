@@ -42,16 +42,16 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     assert!(summary["bodies"].as_u64() > Some(20), "{summary}");
 
     let gone = on(&server, "restore", Path::new("nothing.dcd"));
-    assert_eq!(gone.code(), Some(1), "{gone:?}");
+    assert_eq!(gone.code(), Some(2), "{gone:?}");
     assert!(gone.errors.contains("nothing.dcd") && gone.errors.contains("No such file"), "{gone:?}");
     let foreign = on(&server, "restore", &playground());
-    assert!(foreign.code() == Some(1) && foreign.errors.contains("not a snapshot"), "{foreign:?}");
+    assert!(foreign.code() == Some(2) && foreign.errors.contains("not a snapshot"), "{foreign:?}");
     // A pipe that nobody reads from or writes to.
     let pipe = server.folder.path().join("pipe");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    for verb in ["save", "restore"] {
+    for (verb, code) in [("save", 1), ("restore", 2)] {
         let refused = on(&server, verb, &pipe);
-        assert!(refused.code() == Some(1) && refused.errors.contains("not a regular file"), "{refused:?}");
+        assert!(refused.code() == Some(code) && refused.errors.contains("not a regular file"), "{refused:?}");
     }
     let own = on(&server, "save", &server.data().join("authority.pem"));
     assert!(own.code() == Some(2) && own.errors.contains("must not replace"), "{own:?}");

@@ -70,7 +70,7 @@ fn the_status_of_a_world_names_each_node_and_each_region_once() {
 
 #[test]
 fn a_status_needs_a_token_that_was_not_used() {
-    let server = Server::start(&["pile"]);
+    let mut server = Server::start(&["pile"]);
     let token = server.token("client");
     let args = ["status", "--server", &server.address, "--token", &token];
     assert_eq!(Process::start(&mut dcd(&args)).end().code(), Some(0));
@@ -87,7 +87,9 @@ fn a_status_needs_a_token_that_was_not_used() {
     assert!(foreign.code() == Some(2) && foreign.errors.contains("does not prove to be"), "{foreign:?}");
     let nowhere = Process::start(&mut dcd(&["status", "--data", "/nowhere"])).end();
     assert!(nowhere.code() == Some(2) && nowhere.errors.contains("no server has used"), "{nowhere:?}");
-    server.stop();
+    server.end_world();
+    let none = Process::start(dcd(&["status", "--data"]).arg(server.data())).end();
+    assert!(none.code() == Some(2) && none.errors.contains("no server runs"), "{none:?}");
 }
 
 #[test]

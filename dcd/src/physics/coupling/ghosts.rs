@@ -90,7 +90,7 @@ pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize
         let handle = region.handle_of(id);
         // The message may have crossed a transfer: only a replica of the sender's is dropped.
         if handle.is_some_and(|handle| region.slot(handle).role == Ownership::Replica { owner: sender }) {
-            region.remove(id);
+            region.give_up(id);
         }
     }
     for &id in &message.wakes {

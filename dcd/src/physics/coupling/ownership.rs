@@ -150,7 +150,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         hand_over(&side.region, &mut side.outbox, *link, *owner);
     }
     for (link, _) in leaving {
-        side.region.remove(link.id);
+        side.region.give_up(link.id);
     }
 }
 

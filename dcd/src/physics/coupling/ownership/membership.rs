@@ -65,7 +65,7 @@ pub(in crate::physics::coupling) fn commit<'a>(
                 strike::owe(region, &mut border.shared, decision.link.handle, decision.members);
                 border.shared.set_members(region, decision.link.handle, decision.members, decision.warming);
             } else {
-                region.remove(decision.link.id);
+                region.give_up(decision.link.id);
             }
         }
     }
@@ -77,7 +77,7 @@ pub(in crate::physics::coupling) fn commit<'a>(
         }
         let members = membership.holders;
         if !members.contains(region.rank()) {
-            region.remove(membership.id);
+            region.give_up(membership.id);
             continue;
         }
         if slot.role != Ownership::Owner && usize::from(membership.owner) != region.rank() {

@@ -84,7 +84,6 @@ impl Reference {
         let traces = traces(case, of_reference, &bare)?;
         let twins = match &case.measure {
             Measure::Statistics(_) => Some(nudged_traces(case, &bare)?),
-            Measure::Formula(_) if case.early => Some(nudged_traces(case, &bare)?),
             Measure::Formula(_) => None,
         };
         let spreads = match (&case.measure, &twins) {
@@ -101,10 +100,12 @@ impl Reference {
         };
         let own = own.as_ref().unwrap_or(&traces);
         let mut outcome = outcome(case, own, &traces, &spreads);
+        // One world's error is how far its runs are from each other.
         if !spreads.is_empty() {
-            // One world's error is how far its runs are from each other.
             outcome.error = spreads.iter().map(|spread| spread.deviation).fold(0.0, f64::max);
             outcome.r1_error = Some(outcome.error);
+        } else if case.early {
+            outcome.error = spread_of_orders(case, &traces, &bare)?;
         }
         let r1 = Reading::new(case, own, outcome, outcome.error);
         Ok(Self { traces, spreads, r1 })
@@ -124,6 +125,45 @@ fn traces(case: &Case, scenes: &[Scene], setup: &Setup<'_>) -> Result<Vec<Trace>
 
 fn nudged_traces(case: &Case, bare: &Setup<'_>) -> Result<Vec<Trace>, WorldError> {
     traces(case, &case.scenes.iter().map(nudged).collect::<Vec<_>>(), bare)
+}
+
+/// Returns the mean error of worlds in which the bodies are inserted in other orders.
+fn spread_of_orders(case: &Case, r1: &[Trace], bare: &Setup<'_>) -> Result<f64, WorldError> {
+    let Measure::Formula(formula) = &case.measure else { unreachable!("only formulas are early") };
+    let bodies = case.scenes[0].bodies.len();
+    let orders = [bodies - 1, bodies / 3, bodies / 5].map(|stride| order(bodies, stride));
+    let errors = orders.iter().map(|order| {
+        let scenes: Vec<_> = case.scenes.iter().map(|scene| reordered(scene, order)).collect();
+        let mut own = traces(case, &scenes, bare)?;
+        for look in own.iter_mut().flat_map(|trace| &mut trace.looks) {
+            let mut bodies = vec![None; look.bodies.len()];
+            order.iter().zip(&look.bodies).for_each(|(&body, state)| bodies[body] = *state);
+            look.bodies = bodies;
+        }
+        Ok(worst(own.iter().zip(r1).map(|(own, r1)| formula(own, r1))))
+    });
+    let errors = errors.collect::<Result<Vec<_>, WorldError>>()?;
+    Ok(errors.iter().sum::<f64>() / errors.len() as f64)
+}
+
+/// Returns all numbers below `count` once, each about `stride` after the one before, modulo `count`.
+fn order(count: usize, stride: usize) -> Vec<usize> {
+    let common_divisor = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let stride = (stride.max(1)..).find(|&stride| common_divisor(stride, count) == 1);
+    let stride = stride.expect("there are primes beyond any number");
+    (0..count).map(|i| i * stride % count).collect()
+}
+
+/// Returns the same scene with its bodies inserted in another order.
+fn reordered(scene: &Scene, order: &[usize]) -> Scene {
+    assert!(scene.joints.is_empty(), "joints name bodies by their order");
+    let bodies = order.iter().map(|&body| scene.bodies[body].clone()).collect();
+    Scene { bodies, ..scene.clone() }
 }
 
 /// The figures that the gate compares.
@@ -259,6 +299,18 @@ mod tests {
         assert_eq!(worst([0.5, f64::INFINITY].into_iter()), BROKEN);
         assert_eq!(worst([0.5, 0.7, 0.1].into_iter()), 0.7);
         assert_eq!(worst([].into_iter()), 0.0);
+    }
+
+    #[test]
+    fn an_order_has_each_body_once_whatever_their_number() {
+        for count in [1, 2, 12, 222, 1006] {
+            for stride in [count - 1, count / 3, count / 5] {
+                let mut order = order(count, stride);
+                assert!(count < 12 || !order.is_sorted(), "{order:?}");
+                order.sort_unstable();
+                assert!(order.into_iter().eq(0..count), "{count} by {stride}");
+            }
+        }
     }
 
     #[test]

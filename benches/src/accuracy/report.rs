@@ -209,7 +209,7 @@ pub(super) mod tests {
             let case = Case::new("0.5 s", scene, 1.0, |_| Vec::new(), |_, _| 0.0);
             let verdict = judge(&case, &reading, &Reading::plain(0.0, 0.0));
             let lines = vec![Line::new(&case, reading, Some(verdict))];
-            Row { number: 23, name: "spheres_1000", method: "auto", regions: 2, lines }
+            Row { number: 23, name: "spheres_1000", method: "overlap", regions: 2, lines }
         };
         let off = Reading::plain(0.002, 0.0);
         assert!(!crowd(off.clone()).pass());

@@ -70,7 +70,8 @@ impl Fleet {
 
     /// Computes one tick.
     pub(crate) fn step(&mut self) -> Result<(), WorldError> {
-        let rounds = self.hosts[0].settings().exchanges;
+        let rounds = self.hosts.iter().map(RegionHost::rounds_wanted).max().unwrap_or(1);
+        self.hosts.iter_mut().for_each(|host| host.set_rounds(rounds));
         for _ in 0..rounds {
             self.hosts.iter_mut().for_each(RegionHost::compute);
             self.exchanges += 1;

@@ -146,11 +146,14 @@ pub struct Region {
     roused: Vec<RigidBodyHandle>,
     /// Bodies with joints that were put to sleep among bodies that are awake.
     laid: Vec<RigidBodyHandle>,
-    /// Bodies inserted asleep since the last step, which has to find their contacts, and sleepers that a copy
-    /// touched which was given up since; some may be gone again, or woken.
-    sleepers_to_keep: Vec<RigidBodyHandle>,
-    /// The colliders of these copies.
+    /// Bodies that their user has put to sleep since the last step.
+    put_to_sleep: Vec<RigidBodyHandle>,
+    /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
+    born_asleep: Vec<RigidBodyHandle>,
+    /// The colliders of copies that were given up since the last step, and the bodies whose boxes met theirs;
+    /// some may be gone, too.
     departed: Vec<ColliderHandle>,
+    left: Vec<RigidBodyHandle>,
     /// The movable bodies that Rapier does not step, since they are disabled or fixed, by Rapier's body
     /// index.
     #[serde(skip)]
@@ -211,8 +214,10 @@ impl Region {
             touched: Vec::new(),
             roused: Vec::new(),
             laid: Vec::new(),
-            sleepers_to_keep: Vec::new(),
+            put_to_sleep: Vec::new(),
+            born_asleep: Vec::new(),
             departed: Vec::new(),
+            left: Vec::new(),
             unstepped: BTreeMap::new(),
             revision: 0,
             stepped: 0,

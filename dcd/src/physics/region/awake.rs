@@ -1,7 +1,7 @@
 //! Finds the bodies of a region that do not sleep, at a cost that depends on their number alone, not on that
 //! of all bodies.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::*;
 
@@ -57,9 +57,51 @@ impl Region {
         }
     }
 
+    /// Wakes a body.
+    pub(super) fn wake(&mut self, handle: RigidBodyHandle) {
+        let was_asleep = self.world.bodies[handle].is_sleeping();
+        let PhysicsWorld { islands, bodies, .. } = self.world_mut();
+        islands.wake_up(bodies, handle, true);
+        self.note_awake(handle, was_asleep);
+    }
+
+    /// Wakes what its user has put to sleep since the last step, if it touches or is tied to what is awake. Seen
+    /// with Rapier 0.36.1: such a body goes on to move, and nothing holds it.
+    fn wake_sleepers_among_awake(&mut self) {
+        let put_to_sleep = std::mem::take(&mut self.put_to_sleep);
+        let sleeps =
+            |handle: &RigidBodyHandle| self.world.bodies.get(*handle).is_some_and(RigidBody::is_sleeping);
+        let of = |handle: RigidBodyHandle| handle.into_raw_parts();
+        let mut asleep: BTreeMap<_, _> =
+            put_to_sleep.into_iter().filter(sleeps).map(|one| (of(one), one)).collect();
+        let mut woken: Vec<_> =
+            asleep.values().copied().filter(|&handle| self.is_among_awake(handle)).collect();
+        while let Some(handle) = woken.pop() {
+            if asleep.remove(&of(handle)).is_some() {
+                self.wake(handle);
+                // Those that are woken wake others.
+                self.for_each_contact(handle, |other, touches| {
+                    if touches && asleep.contains_key(&of(other)) {
+                        woken.push(other);
+                    }
+                });
+            }
+        }
+    }
+
+    fn is_among_awake(&self, handle: RigidBodyHandle) -> bool {
+        let mut is_among = false;
+        self.for_each_contact(handle, |other, touches| {
+            let other = &self.world.bodies[other];
+            is_among |= touches && other.is_dynamic() && other.is_enabled() && !other.is_sleeping();
+        });
+        is_among
+    }
+
     /// Empties the lists of touched and woken bodies when a step begins: after it, Rapier's list has all that
     /// it steps.
     pub(super) fn hand_awake_over(&mut self) {
+        self.wake_sleepers_among_awake();
         for place in 0..self.touched.len() {
             self.note_awake(self.touched[place], false);
         }
@@ -97,37 +139,52 @@ impl Region {
         self.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
     }
 
-    /// Wakes the bodies that were inserted asleep, those that sleep beside a copy that was given up, and those that sleep beside them,
-    /// for as long as Rapier finds their contacts: it puts them to sleep again in the same step before it solves, unless what they touch
-    /// is awake. Returns them, with what [`Region::restore_thresholds`] gives back. Seen with Rapier 0.36.1: a body that begins to touch
-    /// something in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew; and a body that is removed wakes
-    /// all whose boxes meet its own.
+    /// Wakes the bodies that were inserted asleep, and those that sleep beside them, for as long as Rapier finds their contacts: it puts
+    /// them to sleep again in the same step before it solves, unless what they touch is awake. Returns them, with what
+    /// [`Region::restore_thresholds`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
+    /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew.
+    ///
+    /// What copies have left that were given up is treated alike, where it sleeps; where it is awake it goes on
+    /// to fall asleep.
     pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, [f32; 2])> {
-        let departed = std::mem::take(&mut self.departed);
-        let mut newcomers = std::mem::take(&mut self.sleepers_to_keep);
+        let (departed, left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
+        let mut newcomers = std::mem::take(&mut self.born_asleep);
+        newcomers.extend(&left);
         newcomers.retain(|&handle| self.world.bodies.get(handle).is_some_and(sleeps_still));
         newcomers.sort_unstable_by_key(|handle| handle.into_raw_parts());
         newcomers.dedup();
-        if newcomers.is_empty() {
-            return Vec::new();
+        if !newcomers.is_empty() {
+            let beside = self.sleepers_beside(&newcomers);
+            for &handle in &beside {
+                let PhysicsWorld { islands, bodies, .. } = self.world_mut();
+                islands.wake_up(bodies, handle, false);
+            }
+            for &handle in &newcomers {
+                self.world.bodies[handle].wake_up(false);
+            }
+            newcomers.extend(beside);
         }
-        let beside = self.sleepers_beside(&newcomers);
-        for &handle in &beside {
-            let PhysicsWorld { islands, bodies, .. } = self.world_mut();
-            islands.wake_up(bodies, handle, false);
-        }
-        for &handle in &newcomers {
-            self.world.bodies[handle].wake_up(false);
-        }
-        newcomers.extend(beside);
         if !departed.is_empty() {
-            // What Rapier would do in the step, after they are lulled.
-            self.unsettle();
-            let Self { world, listener, .. } = self;
-            let PhysicsWorld { narrow_phase, islands, colliders, bodies, .. } = &mut **world;
-            narrow_phase.handle_user_changes(Some(islands), &[], &departed, colliders, bodies, listener);
+            self.forget_departed(&departed, &left);
         }
         self.lull(&newcomers)
+    }
+
+    /// Has Rapier forget the contacts of colliders that were removed, as it would in the next step. It makes
+    /// those whose boxes met theirs begin anew to be still for long enough to sleep, and these do not.
+    fn forget_departed(&mut self, departed: &[ColliderHandle], left: &[RigidBodyHandle]) {
+        self.unsettle();
+        let Self { world, listener, .. } = self;
+        let PhysicsWorld { narrow_phase, islands, colliders, bodies, .. } = &mut **world;
+        let awake = left.iter().filter_map(|&handle| {
+            let body = bodies.get(handle).filter(|body| !body.is_sleeping())?;
+            Some((handle, body.activation().time_since_can_sleep))
+        });
+        let awake: Vec<_> = awake.filter(|(_, still_s)| *still_s > 0.0).collect();
+        narrow_phase.handle_user_changes(Some(islands), &[], departed, colliders, bodies, listener);
+        for (handle, still_s) in awake {
+            bodies[handle].activation_mut().time_since_can_sleep = still_s;
+        }
     }
 
     /// Returns the sleepers that were here before and that newcomers touch, with all that hangs together with them: when
@@ -404,6 +461,95 @@ mod tests {
             world.step().unwrap();
             let awake: usize = world.host().regions().map(|region| region.own_awake().len()).sum();
             assert!(tick < 120 || awake == 0, "{awake} in tick {tick}");
+        }
+    }
+
+    /// A box in one region, and a pair of boxes in another that does not touch it, though their boxes along the axes meet.
+    #[test]
+    fn what_comes_near_others_without_touching_falls_asleep_with_them_at_a_border() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        for (apart_m, falls_m) in [(0.8, 2.0), (1.0, 2.5), (1.2, 2.0), (1.2, 2.5)] {
+            let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+            world.insert(ground, ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+            let mut insert = |at: [f32; 3], turned: f32| {
+                let body = RigidBodyBuilder::dynamic().translation(Vector::from_array(at));
+                let body = body.rotation(Vector::Y * turned);
+                world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+            };
+            let all = [
+                insert([-0.5, 0.5, apart_m], std::f32::consts::FRAC_PI_4),
+                insert([0.5, 0.5, 0.0], 0.0),
+                insert([0.6, falls_m, 0.1], 0.0),
+            ];
+            (0..150).for_each(|_| world.step().unwrap());
+            let asleep = all.map(|id| world.body(id).unwrap().is_sleeping());
+            assert_eq!(asleep, [true; 3], "{apart_m} m apart, one falls from {falls_m} m");
+        }
+    }
+
+    /// Two boxes on the ground, of which one is put to sleep, beside the other or touching it; or both.
+    #[test]
+    fn what_is_put_to_sleep_falls_through_nothing() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        for (regions, apart_m, lay) in [(1, 1.0, 1), (1, 3.0, 1), (1, 1.0, 2), (2, 1.0, 1), (2, 1.0, 2)] {
+            let cuts = [(Axis::X, 0.0)][..regions - 1].to_vec();
+            let partitioning = Partitioning::Cuts(cuts);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+            world.insert(ground, ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+            let boxes = [0.5, 0.5 - apart_m].map(|x| {
+                let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.5, 0.0));
+                world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+            });
+            (0..10).for_each(|_| world.step().unwrap());
+            for &id in &boxes[..lay] {
+                world.update(id, RigidBody::sleep).unwrap();
+            }
+            for tick in 0..60 {
+                world.step().unwrap();
+                let height = world.pose(boxes[0]).unwrap().translation[1];
+                assert!(height > 0.49, "{regions} regions, {apart_m} m apart, {lay} laid: {height} m");
+                let sleeps = world.body(boxes[0]).unwrap().is_sleeping();
+                let is_laid = lay == 2 || apart_m > 1.0;
+                assert!(tick > 20 || sleeps == is_laid, "{regions} regions, {apart_m} m apart, {lay} laid");
+            }
+        }
+    }
+
+    /// A box hangs from another by a joint, and sleeps; or it lies on the ground and gets smaller.
+    #[test]
+    fn what_loses_its_hold_in_its_sleep_falls() {
+        use crate::runtime::{LocalWorld, WorldConfig};
+        for by_shape in [false, true] {
+            let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+            let cube = |half: f32| ColliderBuilder::cuboid(half, half, half);
+            let at = |y: f32| Vector::new(0.0, y, 0.0);
+            world.insert(RigidBodyBuilder::fixed().translation(at(-0.5)), cube(0.5)).unwrap();
+            let above = if by_shape { 0.5 } else { 8.0 };
+            let falls = world.insert(RigidBodyBuilder::dynamic().translation(at(above)), cube(0.5)).unwrap();
+            let holds = RigidBodyBuilder::kinematic_position_based().translation(at(10.0));
+            let holds = world.insert(holds, cube(0.2)).unwrap();
+            if !by_shape {
+                let joint = SphericalJointBuilder::new().local_anchor1(-Vector::Y).local_anchor2(Vector::Y);
+                world.insert_joint(holds, falls, joint).unwrap();
+            }
+            (0..240).for_each(|_| world.step().unwrap());
+            assert!(world.body(falls).unwrap().is_sleeping(), "by its shape: {by_shape}");
+            let before = world.pose(falls).unwrap().translation[1];
+            if by_shape {
+                world
+                    .update_collider(falls, 0, |own| own.set_shape(SharedShape::cuboid(0.3, 0.3, 0.3)))
+                    .unwrap();
+            } else {
+                world.update(holds, |body| body.set_enabled(false)).unwrap();
+            }
+            (0..30).for_each(|_| world.step().unwrap());
+            let after = world.pose(falls).unwrap().translation[1];
+            assert!(before - after > 0.15, "by its shape: {by_shape}; {before} m, {after} m");
         }
     }
 

@@ -58,7 +58,11 @@ impl Region {
         self.note_launch(handle, velocity);
         self.note_awake(handle, was_asleep);
         self.note_laid(handle);
+        if !was_asleep && self.world.bodies[handle].is_sleeping() {
+            self.put_to_sleep.push(handle);
+        }
         if self.world.bodies[handle].is_enabled() != before.1 {
+            self.wake_tied(handle);
             self.tie_anew(handle);
             self.enable_colliders(handle);
         }
@@ -72,6 +76,17 @@ impl Region {
             self.touch_only(handle, found);
         }
         result
+    }
+
+    /// Wakes what joints tie to a body that has just been enabled or disabled, which Rapier does not.
+    fn wake_tied(&mut self, handle: RigidBodyHandle) {
+        let mut tied = Vec::new();
+        self.for_each_pair(handle, |other, pair| {
+            if pair.is_none() {
+                tied.push(other);
+            }
+        });
+        tied.into_iter().for_each(|other| self.wake(other));
     }
 
     /// Enables the colliders of a body that has just been enabled, and weighs it. Rapier would do so in the next
@@ -147,7 +162,8 @@ impl Region {
     ) -> Option<Result<R, ShapeError>> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
         self.touch(handle);
-        Some(self.change_colliders_whole(handle, |region| {
+        let mut wakes = false;
+        let changed = self.change_colliders_whole(handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             region.stirred = true;
             let PhysicsWorld { bodies, colliders, .. } = &mut *region.world;
@@ -165,6 +181,7 @@ impl Region {
             if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
             }
+            wakes = (new.shape, new.pose, new.enabled) != (old.shape, old.pose, old.enabled);
             if new != *old {
                 let traits = Arc::make_mut(&mut slot.traits);
                 let old = std::mem::replace(&mut traits.colliders[index], new);
@@ -205,7 +222,12 @@ impl Region {
             slot.outline = Outline::of(body, colliders);
             region.due[handle.into_raw_parts().0 as usize] = 0;
             Ok(result)
-        }))
+        });
+        // What it lay on, it may no longer touch.
+        if wakes && changed.is_ok() {
+            self.wake(handle);
+        }
+        Some(changed)
     }
 }
 

@@ -69,8 +69,10 @@ impl Region {
         let sleeps = |(_, body): &&(RigidBodyHandle, RigidBody)| body.is_dynamic() && body.is_sleeping();
         let sleepers: Vec<_> = kept.iter().filter(sleeps).map(|(handle, _)| *handle).collect();
         // Their contacts come to bear their loads as all others do.
-        self.sleepers_to_keep.clear();
+        self.put_to_sleep.clear();
+        self.born_asleep.clear();
         self.departed.clear();
+        self.left.clear();
         sleepers.iter().for_each(|handle| self.world.bodies[*handle].wake_up(false));
         for &(handle, pose) in lay {
             // A disabled body is not put back, and touches nothing.

@@ -92,7 +92,7 @@ impl Region {
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
         if body.state.sleeping {
-            self.sleepers_to_keep.push(handle);
+            self.born_asleep.push(handle);
         }
         let link = BodyRef { id: body.id, handle };
         if !holders.is_empty() || matches!(role, Ownership::Replica { .. }) {
@@ -145,19 +145,15 @@ impl Region {
         true
     }
 
-    /// Removes a body that other regions go on to hold. What sleeps beside it sleeps on: Rapier would wake it,
-    /// as if the body were gone from the world.
+    /// Removes a body that other regions go on to hold. What lies beside it goes on to sleep, or to fall asleep:
+    /// Rapier would wake it, as if the body were gone from the world.
     pub(in crate::physics) fn give_up(&mut self, id: BodyId) {
         let Some(handle) = self.handle_of(id) else { return };
         let mut beside = Vec::new();
-        self.for_each_contact(handle, |other, _| {
-            if self.world.bodies[other].is_sleeping() {
-                beside.push(other);
-            }
-        });
+        self.for_each_contact(handle, |other, _| beside.push(other));
         if !beside.is_empty() {
             self.departed.extend(self.world.bodies[handle].colliders());
-            self.sleepers_to_keep.extend(beside);
+            self.left.extend(beside);
         }
         self.remove(id);
     }

@@ -119,16 +119,10 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
         region.keep_fresh(link);
     } else if !holders.is_empty() {
         let members = holders.union(own);
-        // A copy with a part of the mass that does not meet what the others meet would carry the body past
-        // it. Whole copies follow the one that was stopped. Nor would what strikes a sleeper in all of these
-        // regions, whole, find more than a part of it there: it stays as it is until it wakes.
+        // What meets it in one of these regions alone would find a part of its mass there. So whole copies
+        // follow the one that is struck or stopped, until it is known whether its island is to be split.
         let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
-        let asleep = region.physics().bodies[handle].is_sleeping();
-        let warming = if whole || follows && (is_fast || asleep || !more.is_empty()) {
-            holders
-        } else {
-            RegionSet::EMPTY
-        };
+        let warming = if whole || follows { holders } else { RegionSet::EMPTY };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {
@@ -140,6 +134,27 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
 #[cfg(test)]
 mod tests {
     use rapier3d::prelude::*;
+
+    /// A box is inserted so that it overlaps another one beside a border.
+    #[test]
+    fn what_is_inserted_into_another_at_a_border_pushes_it_as_hard_as_it_is_pushed() {
+        for at in [0.1, 0.3, 0.45, 0.6, 0.9, -0.3, -0.6] {
+            for can_sleep in [true, false] {
+                let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+                let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
+                config.step.gravity = [0.0; 3];
+                let mut world = LocalWorld::new(config).unwrap();
+                let mut boxes = Vec::new();
+                for x in [at, at + 0.85] {
+                    let body = RigidBodyBuilder::dynamic().translation(Vector::X * x).can_sleep(can_sleep);
+                    boxes.push(world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap());
+                    (0..60).for_each(|_| world.step().unwrap());
+                }
+                let [a, b] = [0, 1].map(|i| world.velocity(boxes[i]).unwrap().linear[0]);
+                assert!(a < -0.07 && (a + b).abs() < 1e-5, "at {at} m, sleep {can_sleep}: {a}, {b} m/s");
+            }
+        }
+    }
 
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;

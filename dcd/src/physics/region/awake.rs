@@ -490,6 +490,33 @@ mod tests {
         }
     }
 
+    /// Chains hang from an anchor on one side of a level border, most of them on the other.
+    #[test]
+    fn a_chain_that_hangs_over_a_border_falls_asleep_and_sleeps_on() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        for (links, top_m) in [(1, 0.3), (4, 0.5), (7, 0.96), (9, 1.5)] {
+            let partitioning = Partitioning::Cuts(vec![(Axis::Y, 0.0)]);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let at = |y: f32| Vector::new(0.45, y, 0.0);
+            let anchor = RigidBodyBuilder::kinematic_position_based().translation(at(top_m));
+            let mut all = vec![world.insert(anchor, ColliderBuilder::cuboid(0.1, 0.1, 0.1)).unwrap()];
+            for i in 0..links {
+                let body = RigidBodyBuilder::dynamic().translation(at(top_m - 0.45 - 0.5 * i as f32));
+                let link = world.insert(body, ColliderBuilder::cuboid(0.1, 0.2, 0.1)).unwrap();
+                let foot = Vector::Y * if i > 0 { -0.25 } else { -0.2 };
+                let joint = SphericalJointBuilder::new().local_anchor1(foot).local_anchor2(Vector::Y * 0.25);
+                world.insert_joint(*all.last().unwrap(), link, joint).unwrap();
+                all.push(link);
+            }
+            for tick in 0..500 {
+                world.step().unwrap();
+                let asleep = all.iter().filter(|&&id| world.body(id).unwrap().is_sleeping()).count();
+                assert!(tick < 400 || asleep == all.len(), "{links} links: {asleep} sleep in tick {tick}");
+            }
+        }
+    }
+
     /// Two boxes on the ground, of which one is put to sleep, beside the other or touching it; or both.
     #[test]
     fn what_is_put_to_sleep_falls_through_nothing() {

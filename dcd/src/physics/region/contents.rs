@@ -155,7 +155,7 @@ impl Region {
             self.departed.extend(self.world.bodies[handle].colliders());
             self.left.extend(beside);
         }
-        self.remove(id);
+        self.without_waking_ends(|region| _ = region.remove(id));
     }
 
     /// Sets the owner, the other holders and the epoch of a body that is held here.

@@ -286,6 +286,13 @@ impl Region {
         }
     }
 
+    /// Does something that removes joints, and lets their ends sleep on.
+    pub(super) fn without_waking_ends(&mut self, work: impl FnOnce(&mut Self)) {
+        let woken = self.joint_news.woken.len();
+        work(self);
+        self.joint_news.woken.truncate(woken);
+    }
+
     /// Lets a user change a joint in place, whole, and wakes its bodies. Returns whether the joint is held
     /// here, or waits.
     pub(in crate::physics) fn change_joint(

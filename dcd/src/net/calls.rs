@@ -11,7 +11,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::{EventSender, HeldEvent};
 use super::first::{AGAIN, first_of};
-use super::join::{answer, explain, is_of_age};
+use super::join::{answer, explain, finds_us_expired, is_expired};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
 use super::source::{Calls, Part};
@@ -209,7 +209,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, hands
         Some(Ok(connection)) => connection,
         Some(Err(error)) => {
             tracing::debug!(%addr, "handshake failed: {error}");
-            if is_of_age(&error)
+            if is_expired(&error)
                 && let Some(left_out) = shared.refusals.tell(Instant::now())
             {
                 tracing::warn!(
@@ -329,7 +329,7 @@ async fn reach(
 /// Returns the error for a connection that was dialled and that failed. A certificate that the peer finds
 /// expired is renewed.
 fn failed(shared: &Shared, addr: SocketAddr, expected: PeerName, error: ConnectionError) -> NetError {
-    if is_of_age(&error) {
+    if finds_us_expired(&error) {
         shared.is_refused_for_age.store(true, Ordering::Relaxed);
     }
     explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error)

@@ -357,14 +357,14 @@ pub(super) async fn answer(
 /// section 4.8).
 const CERTIFICATE_EXPIRED: u64 = 0x100 + 45;
 
-/// Returns whether one of both sides has ended a handshake since the other's certificate has expired by its
-/// clock.
-pub(super) fn is_of_age(error: &ConnectionError) -> bool {
-    match error {
-        ConnectionError::TransportError(ours) => u64::from(ours.code) == CERTIFICATE_EXPIRED,
-        ConnectionError::ConnectionClosed(theirs) => u64::from(theirs.error_code) == CERTIFICATE_EXPIRED,
-        _ => false,
-    }
+/// Returns whether the other side ended a handshake since our certificate has expired by its clock.
+pub(super) fn finds_us_expired(error: &ConnectionError) -> bool {
+    matches!(error, ConnectionError::ConnectionClosed(close) if u64::from(close.error_code) == CERTIFICATE_EXPIRED)
+}
+
+/// Returns whether this side ended a handshake since the other's certificate has expired by our clock.
+pub(super) fn is_expired(error: &ConnectionError) -> bool {
+    matches!(error, ConnectionError::TransportError(error) if u64::from(error.code) == CERTIFICATE_EXPIRED)
 }
 
 /// Returns the error for a connection that we dialled and that failed.

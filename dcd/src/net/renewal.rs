@@ -42,12 +42,15 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     let (mut begun, mut counted) = (SystemTime::now(), Instant::now());
     // The first renewal of a certificate that seems to have expired is made at once.
     let mut least = Duration::ZERO;
-    let mut is_expiry_told = false;
+    let (mut is_expiry_told, mut is_refusal_told) = (false, false);
+    // The first renewal because of a refusal is made at once, too.
+    let mut refused_at: Option<Instant> = None;
     loop {
         let (mut pause, now) = (LOOK, SystemTime::now());
-        let is_refused = shared.is_refused_for_age.load(Ordering::Relaxed) && counted.elapsed() >= least;
+        let is_refused = shared.is_refused_for_age.load(Ordering::Relaxed)
+            && refused_at.is_none_or(|renewed| renewed.elapsed() >= LEAST);
         if is_refused || is_due(identity.expires(), begun, now, counted.elapsed(), least) {
-            if is_refused && identity.expires() > now {
+            if is_refused && identity.expires() > now && !std::mem::replace(&mut is_refusal_told, true) {
                 tracing::warn!(
                     who = %identity.who,
                     "a peer finds this certificate expired, which is valid by this machine's clock: the clocks differ by \
@@ -58,7 +61,10 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
                 Ok(fresh) => {
                     identity = fresh;
                     (begun, counted, least) = (SystemTime::now(), Instant::now(), LEAST);
-                    is_expiry_told = false;
+                    (is_expiry_told, is_refusal_told) = (false, false);
+                    if is_refused {
+                        refused_at = Some(Instant::now());
+                    }
                     shared.is_refused_for_age.store(false, Ordering::Relaxed);
                     let left = left(&identity, SystemTime::now());
                     if left.is_zero() {

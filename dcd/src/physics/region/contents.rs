@@ -150,7 +150,11 @@ impl Region {
     pub(in crate::physics) fn give_up(&mut self, id: BodyId) {
         let Some(handle) = self.handle_of(id) else { return };
         let mut beside = Vec::new();
-        self.for_each_contact(handle, |other, _| beside.push(other));
+        self.for_each_pair(handle, |other, pair| {
+            if pair.is_some() {
+                beside.push(other);
+            }
+        });
         if !beside.is_empty() {
             self.departed.extend(self.world.bodies[handle].colliders());
             self.left.extend(beside);

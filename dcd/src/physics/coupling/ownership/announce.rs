@@ -9,6 +9,7 @@ use super::Decision;
 use super::membership::tell;
 use crate::physics::coupling::{Moment, Side, launch, predicted_contacts};
 use crate::physics::region::{BodyRef, Ownership, Region};
+use crate::physics::settings::WHOLE;
 use crate::space::{BodyId, RegionSet};
 
 /// The most bodies that are sent with one that a collision sped up, since they touch it or joints tie them to
@@ -119,10 +120,15 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
         region.keep_fresh(link);
     } else if !holders.is_empty() {
         let members = holders.union(own);
-        // What meets it in one of these regions alone would find a part of its mass there. So whole copies
-        // follow the one that is struck or stopped, until it is known whether its island is to be split.
-        let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
-        let warming = if whole || follows { holders } else { RegionSet::EMPTY };
+        // What meets it in one of these regions alone would find a part of its mass there, and a copy that does
+        // not meet what the others meet would carry the body past it. So whole copies follow the one that is
+        // struck or stopped, where no island is split. Where large ones are, the body may be of such a one: only
+        // what is fast or sleeps follows.
+        let limit = moment.settings.island_limit;
+        let follows = moment.settings.coupling.moves_islands() && limit > 0;
+        let asleep = region.physics().bodies[handle].is_sleeping();
+        let is_sure = limit >= WHOLE || is_fast || asleep || !more.is_empty();
+        let warming = if whole || follows && is_sure { holders } else { RegionSet::EMPTY };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {

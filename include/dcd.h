@@ -2985,8 +2985,8 @@ DCD_API DcdStatus dcd_body_set_target(DcdWorld world, DcdBodyId body, const DcdP
 // movable bodies).
 DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 
-// Puts a body to sleep: it stops, and costs nothing until something wakes it. A body that touches others that are awake, or is tied
-// to them, is woken in the next step: put all of them to sleep.
+// Puts a body to sleep: it stops, and costs nothing until something wakes it. A body that touches others that are
+// awake, or is tied to them, is woken in the next step: put all of them to sleep.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (in a served world).
 DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);

@@ -232,8 +232,8 @@ pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     })
 }
 
-/// Puts a body to sleep: it stops, and costs nothing until something wakes it. A body that touches others that are awake, or is tied
-/// to them, is woken in the next step: put all of them to sleep.
+/// Puts a body to sleep: it stops, and costs nothing until something wakes it. A body that touches others that are
+/// awake, or is tied to them, is woken in the next step: put all of them to sleep.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]

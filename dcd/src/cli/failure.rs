@@ -96,7 +96,6 @@ impl From<ProcessError> for Failure {
                 | NetError::File { .. }
                 | NetError::Damaged { .. }
                 | NetError::WrongPeer { .. }
-                | NetError::PortTaken { .. }
                 | NetError::Bind { .. },
             ) => Self::usage(message),
             _ => Self::run(message),

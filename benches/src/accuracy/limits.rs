@@ -21,6 +21,7 @@ pub(crate) const LIMITS: &[Limit] = &[
     Limit { experiment: "gas", case: "", methods: OVERLAP, most: 200.0, cause: EDGE_IMPACT },
     Limit { experiment: "spheres_1000", case: "0.5 s", methods: OVERLAP, most: 1_000.0, cause: EDGE_IMPACT },
     Limit { experiment: "delayed", case: SKIPPED_GAS, methods: OVERLAP, most: 200.0, cause: EDGE_IMPACT },
+    Limit { experiment: "spheres_1000", case: "0.5 s", methods: WHOLE, most: 10.0, cause: CROWD },
     Limit { experiment: "gas", case: "", methods: ISLAND, most: 20.0, cause: SUBSTEPS },
     Limit { experiment: "delayed", case: SKIPPED_GAS, methods: ISLAND, most: 20.0, cause: SUBSTEPS },
 ];
@@ -29,12 +30,20 @@ const OVERLAP: &[&str] = &["overlap"];
 
 const ISLAND: &[&str] = &["island"];
 
+/// The methods that solve contacts with whole copies of the bodies.
+const WHOLE: &[&str] = &["island", "auto"];
+
 const SKIPPED_GAS: &str = "one in ten skipped by all: gas";
 
 /// Two equal balls collide, and only one of them lives in both regions. Each ball then gets 2/3 of the change
 /// of velocity that it should: the copy with half of the mass is hit in one region, its twin in the other is
 /// not, and the mean of both counts.
 const EDGE_IMPACT: &str = "a body at the edge of the overlap is hit with a part of its mass";
+
+/// Each of two regions sees a part of an island that the other does not see yet. The impulse that one of them
+/// finds is told to the other, so that nothing is lost. By then, however, the body is where it would be
+/// without that impulse. Of the small crowd of `--quick` that is more than the order of contacts matters.
+const CROWD: &str = "a contact that begins in a crowd may be seen by one of two regions alone";
 
 /// Rapier finds the contacts of each substep anew, and balls that overlap in more of them bounce less: one
 /// world in two substeps per tick loses as much.
@@ -63,7 +72,8 @@ mod tests {
         assert_eq!(cause("gas", "216 balls", "overlap", 9.0), Some(EDGE_IMPACT));
         assert_eq!(cause("gas", "216 balls", "auto", 9.0), None, "by statistics it is right");
         assert_eq!(cause("spheres_1000", "0.5 s", "overlap", 9.0), Some(EDGE_IMPACT));
-        assert_eq!(cause("spheres_1000", "0.5 s", "auto", 9.0), None);
+        assert_eq!(cause("spheres_1000", "0.5 s", "auto", 9.0), Some(CROWD));
+        assert_eq!(cause("spheres_1000", "0.5 s", "auto", 11.0), None);
         assert_eq!(cause("delayed", SKIPPED_GAS, "auto", 9.0), None);
         assert_eq!(cause("delayed", SKIPPED_GAS, "island", 9.0), Some(SUBSTEPS));
         assert_eq!(cause("gas", "216 balls", "owner", 9.0), None);

@@ -34,7 +34,7 @@ pub(super) struct Shared {
     pub(super) dial: RwLock<ClientConfig>,
     /// The time until which the certificate proves the name.
     pub(super) expiry: Mutex<SystemTime>,
-    /// Whether a peer that we dialled has found our certificate expired since it was renewed.
+    /// Says whether a peer that we dialled has found our certificate expired since it was renewed.
     pub(super) is_refused_for_age: AtomicBool,
     pub(super) who: PeerName,
     pub(super) authority: Option<Arc<Authority>>,

@@ -144,8 +144,8 @@ impl Region {
     /// [`Region::restore_thresholds`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
     /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew.
     ///
-    /// What copies have left that were given up is treated alike, where it sleeps; where it is awake it goes on
-    /// to fall asleep.
+    /// Keeps asleep in the same way what sleeps beside copies that were given up, and lets what is awake there go
+    /// on to fall asleep.
     pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, [f32; 2])> {
         let (departed, left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
         let mut newcomers = std::mem::take(&mut self.born_asleep);

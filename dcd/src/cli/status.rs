@@ -123,13 +123,19 @@ impl Status {
         if matches!(error, ProcessError::ServerGone { .. }) {
             return Failure::run(format!("{}; see whether it runs, and ask again", lost(&error)));
         }
-        let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
-        if self.data.is_some() && usual && matches!(error, ProcessError::Net(NetError::Unreachable { .. })) {
+        if self.data.is_some()
+            && self.is_at_usual_address()
+            && matches!(error, ProcessError::Net(NetError::Unreachable { .. }))
+        {
             return Failure::run(format!(
                 "{error}; a server that stands by, or listens elsewhere, needs --server"
             ));
         }
         error.into()
+    }
+
+    fn is_at_usual_address(&self) -> bool {
+        SERVER.parse().is_ok_and(|usual| self.server == [usual])
     }
 
     fn token(&self) -> Result<String, Failure> {
@@ -140,8 +146,10 @@ impl Status {
                 data.display()
             )));
         }
-        let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
-        if usual && !is_standby(data) && !is_served(data).map_err(|error| of_folder(&error))? {
+        if self.is_at_usual_address()
+            && !is_standby(data)
+            && !is_served(data).map_err(|error| of_folder(&error))?
+        {
             return Err(Failure::usage(format!(
                 "no server runs in {}; start it, or name the address of the one that has its world (--server)",
                 data.display()

@@ -22,8 +22,7 @@ pub(crate) const LIMITS: &[Limit] = &[
     Limit { experiment: "spheres_1000", case: "0.5 s", methods: OVERLAP, most: 1_000.0, cause: EDGE_IMPACT },
     Limit { experiment: "delayed", case: SKIPPED_GAS, methods: OVERLAP, most: 200.0, cause: EDGE_IMPACT },
     Limit { experiment: "spheres_1000", case: "0.5 s", methods: WHOLE, most: 10.0, cause: CROWD },
-    Limit { experiment: "gas", case: "", methods: ISLAND, most: 20.0, cause: SUBSTEPS },
-    Limit { experiment: "delayed", case: SKIPPED_GAS, methods: ISLAND, most: 20.0, cause: SUBSTEPS },
+    Limit { experiment: "delayed", case: SKIPPED_GAS, methods: ISLAND, most: 10.0, cause: CROWD },
 ];
 
 const OVERLAP: &[&str] = &["overlap"];
@@ -44,10 +43,6 @@ const EDGE_IMPACT: &str = "a body at the edge of the overlap is hit with a part 
 /// finds is told to the other, so that nothing is lost. By then, however, the body is where it would be
 /// without that impulse. Of the small crowd of `--quick` that is more than the order of contacts matters.
 const CROWD: &str = "a contact that begins in a crowd may be seen by one of two regions alone";
-
-/// Rapier finds the contacts of each substep anew, and balls that overlap in more of them bounce less: one
-/// world in two substeps per tick loses as much.
-const SUBSTEPS: &str = "two substeps per tick keep less of the energy of elastic balls than one";
 
 /// Returns the cause by which this case of this experiment is known to be off by so many gates, if there is
 /// one. Methods that are there only for comparison are not excused.
@@ -75,7 +70,7 @@ mod tests {
         assert_eq!(cause("spheres_1000", "0.5 s", "auto", 9.0), Some(CROWD));
         assert_eq!(cause("spheres_1000", "0.5 s", "auto", 11.0), None);
         assert_eq!(cause("delayed", SKIPPED_GAS, "auto", 9.0), None);
-        assert_eq!(cause("delayed", SKIPPED_GAS, "island", 9.0), Some(SUBSTEPS));
+        assert_eq!(cause("delayed", SKIPPED_GAS, "island", 9.0), Some(CROWD));
         assert_eq!(cause("gas", "216 balls", "owner", 9.0), None);
         assert_eq!(cause("spheres_1000", "4 s", "auto", 9.0), None);
     }

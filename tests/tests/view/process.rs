@@ -175,6 +175,15 @@ impl Page {
         }
     }
 
+    /// Takes in the pictures that were on their way when the world was paused.
+    pub(crate) fn skip_late(&mut self) {
+        let mut before = None;
+        while before != Some(self.seen.frames) {
+            before = Some(self.seen.frames);
+            self.look(SEE, 0);
+        }
+    }
+
     /// Takes in a message. Returns whether it was the last of an answer.
     fn take(&mut self, message: &Bytes) -> bool {
         let u32 = |at: usize| u32::from_le_bytes(message[at..at + 4].try_into().unwrap());

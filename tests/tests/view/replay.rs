@@ -61,8 +61,8 @@ fn a_replay_that_is_checked_pauses_where_it_parts_from_its_recording() {
     let file = recorded(folder.path());
     let mut process = Process::start(&["replay", &file, "--view", "--check", "--flip", "50:7"]);
     let mut page = Page::open(&process.line("view ")).unwrap();
-    page.until("it parts", |seen| seen.paused);
-    page.look(SEE, 0);
+    // The picture of a tick is encoded beside the computation, so a pause is told of before it.
+    page.until("it parts and shows where", |seen| seen.paused && seen.newest >= 50.0);
     page.look(SEE, 0);
     assert_eq!((page.seen.newest, page.seen.going), (50.0, false));
     assert!(process.line("147 digests are as recorded, up to tick 50: ").contains("body b7, linvel.x"));

@@ -40,9 +40,7 @@ fn a_page_pauses_the_world_steps_it_and_goes_back() {
     page.until("there is a past", |seen| seen.newest >= 10.0);
     page.ask(PAUSE, 1);
     page.until("it pauses", |seen| seen.paused);
-    // Skips pictures that were on their way when the world was paused.
-    page.look(SEE, 0);
-    page.look(SEE, 0);
+    page.skip_late();
     let paused = page.seen.newest;
     page.ask(STEP, 3);
     page.until("it stepped", |seen| seen.newest >= paused + 3.0);
@@ -81,9 +79,7 @@ fn a_body_that_is_chosen_is_told_of_and_contacts_are_shown_when_asked_for() {
     page.until("contacts are shown", |seen| seen.contacts > 50);
     page.ask(PAUSE, 1);
     page.until("it pauses", |seen| seen.paused);
-    // Skips pictures that were on their way when the world was paused.
-    page.look(SEE, 0);
-    page.look(SEE, 0);
+    page.skip_late();
     page.seen.details = None;
     page.look(SEE, 0);
     assert!(page.seen.details.is_none(), "there is no news of it");

@@ -23,6 +23,10 @@ const STILL_M_S: f32 = 0.05;
 const STILL_RAD_S: f32 = 0.1;
 const MOVED_M: f32 = 2e-3;
 const TURNED_RAD: f32 = 2e-3;
+/// Displacements up to which a pose counts as the one that a copy has: copies that move alike differ by as
+/// much, since each region rounds in its own frame. A pose that is written wakes whatever sleeps beside it.
+const ROUNDED_M: f32 = 1e-5;
+const ROUNDED_RAD: f32 = 1e-5;
 /// The distance from their mean up to which copies with a part of the mass are left alone. Friction may hold
 /// them there, and drawing what is held would wind up the memory of forces until it slips.
 const SLACK_M: f32 = 1e-3;
@@ -203,7 +207,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     if rank != own_rank || struck.is_some() {
         if std::mem::take(&mut shared.displaced) {
             let pose = convert::region_from_world(region.anchor(), &copy.pose);
-            region.world_mut().bodies[link.handle].set_position(pose, false);
+            region.put_copy(link.handle, pose);
         }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
@@ -260,13 +264,9 @@ impl Apart {
                 return Self { by_m: 0.0, by_rad: 0.0 };
             }
             let squares = |i: usize| (copy.pose.translation[i] - mean.translation[i]).powi(2);
-            let chord = |sign: f32| {
-                let squares = |i: usize| (copy.pose.rotation[i] - sign * mean.rotation[i]).powi(2);
-                (0..4).map(squares).sum::<f32>().sqrt()
-            };
             apart.by_m = apart.by_m.max((0..3).map(squares).sum::<f64>().sqrt() as f32);
-            // From the chord, since a cosine near 1 resolves no angle below a milliradian.
-            apart.by_rad = apart.by_rad.max(4.0 * (0.5 * chord(1.0).min(chord(-1.0))).asin());
+            let [own, mean] = [copy.pose, *mean].map(|pose| convert::rotation(pose.rotation));
+            apart.by_rad = apart.by_rad.max(turned_rad(own, mean));
         }
         apart
     }
@@ -322,12 +322,14 @@ fn write(region: &mut Region, link: BodyRef, pose: &WorldPose, velocity: &Veloci
         return;
     }
     let moved_m = (pose.translation - body.translation()).length();
-    let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();
+    let turned_rad = turned_rad(pose.rotation, *body.rotation());
     let moved = moved_m >= MOVED_M || turned_rad >= TURNED_RAD;
+    let rounded_m = ROUNDED_M + 2.0 * f32::EPSILON * pose.translation.length();
+    let stays = moved_m <= rounded_m && turned_rad <= ROUNDED_RAD;
     if body.is_sleeping() {
         if moved_m >= MOVED_M || linear.length() > WAKE_M_S || angular.length() > WAKE_RAD_S {
+            region.put_copy(link.handle, pose);
             let body = &mut region.world_mut().bodies[link.handle];
-            body.set_position(pose, false);
             body.set_linvel(linear, false);
             body.set_angvel(angular, false);
             region.world_mut().wake_up(link.handle, true);
@@ -337,7 +339,14 @@ fn write(region: &mut Region, link: BodyRef, pose: &WorldPose, velocity: &Veloci
     let body = &mut region.world_mut().bodies[link.handle];
     body.set_linvel(linear, false);
     body.set_angvel(angular, false);
-    if moved || linear.length() >= STILL_M_S || angular.length() >= STILL_RAD_S {
-        body.set_position(pose, false);
+    if moved || !stays && (linear.length() >= STILL_M_S || angular.length() >= STILL_RAD_S) {
+        region.put_copy(link.handle, pose);
     }
+}
+
+/// Returns the angle between two rotations, from the chord: a cosine near 1 resolves no angle below half a
+/// milliradian.
+pub(super) fn turned_rad(a: Rotation, b: Rotation) -> f32 {
+    let chord = (a - b).length().min((a + b).length());
+    4.0 * (0.5 * chord).min(1.0).asin()
 }

@@ -76,7 +76,7 @@ fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], hel
         return;
     }
     for (handle, pose) in places {
-        region.world_mut().bodies[handle].set_position(pose, false);
+        region.put_copy(handle, pose);
         if let Some(shared) = border.shared.get_mut(handle) {
             shared.displaced = true;
         }
@@ -188,6 +188,7 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     let state = &body.state;
     let pose = convert::region_from_world(region.anchor(), &state.pose);
     let mut is_another = false;
+    region.put_copy(handle, pose);
     let rigid_body = &mut region.world_mut().bodies[handle];
     // A kinematic ghost of the proxy coupling would not take the forces.
     if body.traits.kind == BodyKind::Dynamic && !rigid_body.is_dynamic() {
@@ -195,7 +196,6 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
         is_another = true;
     }
     rigid_body.user_data = body.user_data;
-    rigid_body.set_position(pose, false);
     rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
     rigid_body.set_angvel(convert::vector(state.velocity.angular), false);
     rigid_body.reset_forces(false);

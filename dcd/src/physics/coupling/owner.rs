@@ -3,6 +3,7 @@
 //! Momentum is not conserved across a border: each side solves the contact with its own copy of the other
 //! body.
 
+use super::consensus::turned_rad;
 use super::{Ground, Side, ghosts, halo};
 use crate::physics::ShapeError;
 use crate::physics::convert;
@@ -122,22 +123,23 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
         // A copy that met nobody moved exactly like the owner's. Writing would make Rapier go over it again.
         return;
     }
-    let body = &mut region.world_mut().bodies[link.handle];
     let moved_m = (pose.translation - body.translation()).length();
-    let turned_rad = 2.0 * pose.rotation.dot(*body.rotation()).abs().min(1.0).acos();
+    let turned_rad = turned_rad(pose.rotation, *body.rotation());
     if body.is_sleeping() {
         let differs = moved_m > DEAD_BAND_M
             || linear.length() > WAKE_M_S
             || angular.length() > WAKE_M_S
             || turned_rad > 5.0 * DEAD_BAND_RAD;
         if differs {
-            body.set_position(pose, false);
+            region.put_copy(link.handle, pose);
+            let body = &mut region.world_mut().bodies[link.handle];
             body.set_linvel(linear, false);
             body.set_angvel(angular, false);
             region.world_mut().wake_up(link.handle, true);
         }
         return;
     }
+    let body = &mut region.world_mut().bodies[link.handle];
     body.set_linvel(linear, false);
     body.set_angvel(angular, false);
     let still = linear.length() < DEAD_BAND_M_S
@@ -145,6 +147,6 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
         && moved_m < DEAD_BAND_M
         && turned_rad < DEAD_BAND_RAD;
     if !still {
-        body.set_position(pose, false);
+        region.put_copy(link.handle, pose);
     }
 }

@@ -141,12 +141,12 @@ impl Region {
 
     /// Wakes the bodies that were inserted asleep, and those that sleep beside them, for as long as Rapier finds their contacts: it puts
     /// them to sleep again in the same step before it solves, unless what they touch is awake. Returns them, with what
-    /// [`Region::restore_thresholds`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
+    /// [`Region::restore_limits`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
     /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew.
     ///
-    /// Keeps asleep in the same way what sleeps beside copies that were given up, and lets what is awake there go
-    /// on to fall asleep.
-    pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, [f32; 2])> {
+    /// Keeps asleep in the same way what sleeps beside copies that were given up or put elsewhere, and lets what is
+    /// awake beside those given up go on to fall asleep.
+    pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, SleepLimits)> {
         let (departed, left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
         let mut newcomers = std::mem::take(&mut self.born_asleep);
         newcomers.extend(&left);
@@ -168,6 +168,19 @@ impl Region {
             self.forget_departed(&departed, &left);
         }
         self.lull(&newcomers)
+    }
+
+    /// Puts a copy where other regions say that it is. What sleeps beside it without touching it sleeps on: Rapier
+    /// would wake it.
+    pub(in crate::physics) fn put_copy(&mut self, handle: RigidBodyHandle, pose: Pose) {
+        let mut beside = Vec::new();
+        self.for_each_contact(handle, |other, touches| {
+            if !touches && self.world.bodies[other].is_sleeping() {
+                beside.push(other);
+            }
+        });
+        self.left.extend(beside);
+        self.world_mut().bodies[handle].set_position(pose, false);
     }
 
     /// Has Rapier forget the contacts of colliders that were removed, as it would in the next step. It makes
@@ -219,18 +232,23 @@ impl Region {
     }
 
     /// Has Rapier put bodies to sleep in the next step before it solves, unless what they touch is awake.
-    /// Returns them, with what [`Region::restore_thresholds`] gives back.
-    pub(super) fn lull(&mut self, bodies: &[RigidBodyHandle]) -> Vec<(RigidBodyHandle, [f32; 2])> {
+    /// Returns them, with what [`Region::restore_limits`] gives back.
+    pub(super) fn lull(&mut self, bodies: &[RigidBodyHandle]) -> Vec<(RigidBodyHandle, SleepLimits)> {
         let all = &mut self.world.bodies;
         bodies.iter().filter_map(|&handle| Some((handle, lull(all.get_mut(handle)?)))).collect()
     }
 
-    /// Gives bodies back the speeds below which they may sleep.
-    pub(super) fn restore_thresholds(&mut self, woken: Vec<(RigidBodyHandle, [f32; 2])>) {
-        for (handle, [linear, angular]) in woken {
+    /// Gives bodies back the limits within which they may sleep.
+    pub(super) fn restore_limits(&mut self, lulled: Vec<(RigidBodyHandle, SleepLimits)>) {
+        for (handle, limits) in lulled {
             if let Some(body) = self.world.bodies.get_mut(handle) {
                 let activation = body.activation_mut();
-                (activation.normalized_linear_threshold, activation.angular_threshold) = (linear, angular);
+                activation.normalized_linear_threshold = limits.linear;
+                activation.angular_threshold = limits.angular;
+                activation.time_until_sleep = limits.still_s;
+                if activation.sleeping {
+                    activation.time_since_can_sleep = limits.still_s;
+                }
             }
         }
     }
@@ -250,13 +268,23 @@ fn sleeps_still(body: &RigidBody) -> bool {
     body.is_dynamic() && body.is_sleeping() && (body.linvel(), body.angvel()) == (Vector::ZERO, Vector::ZERO)
 }
 
-/// Makes an awake body one that has been still for long enough, and has not moved since, wherever Rapier takes it to
-/// have been. Returns the speeds below which it may sleep.
-fn lull(body: &mut RigidBody) -> [f32; 2] {
+/// The limits within which a body may sleep: its speeds, in Rapier's units, and for how long it must be still.
+pub(super) struct SleepLimits {
+    linear: f32,
+    angular: f32,
+    still_s: f32,
+}
+
+/// Makes a body one that may sleep at any speed and at once, even if Rapier makes it begin anew to be still, and that
+/// has not moved since, wherever Rapier takes it to have been. Returns its own limits.
+fn lull(body: &mut RigidBody) -> SleepLimits {
     let activation = body.activation_mut();
     activation.time_since_can_sleep = activation.time_until_sleep;
-    let thresholds = [&mut activation.normalized_linear_threshold, &mut activation.angular_threshold];
-    thresholds.map(|threshold| std::mem::replace(threshold, f32::INFINITY))
+    SleepLimits {
+        linear: std::mem::replace(&mut activation.normalized_linear_threshold, f32::INFINITY),
+        angular: std::mem::replace(&mut activation.angular_threshold, f32::INFINITY),
+        still_s: std::mem::replace(&mut activation.time_until_sleep, 0.0),
+    }
 }
 
 #[cfg(test)]
@@ -643,6 +671,42 @@ mod tests {
         for speed in [20.0, 40.0] {
             let [one, two] = [false, true].map(|is_cut| woken_wall(is_cut, 1.4, speed).expect("it is hit").0);
             assert_eq!(one, two, "at {speed} m/s");
+        }
+        assert!(unlike.is_empty(), "{unlike:#?}");
+    }
+
+    /// Two boxes sleep beside each other over a border. One is pushed along it, up or away. Returns whether the other wakes.
+    fn wakes_by_the_way(is_cut: bool, gap_m: f32, push: Vector) -> bool {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        let cuts = is_cut.then_some((Axis::X, 0.0)).into_iter().collect();
+        let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+        let mut world = LocalWorld::new(config).unwrap();
+        let cuboid = |x: f32, y: f32| ColliderBuilder::cuboid(x, y, x);
+        world.insert(RigidBodyBuilder::fixed().translation(-Vector::Y), cuboid(50.0, 1.0)).unwrap();
+        let [sleeper, mover] = [1.0, -1.0].map(|side| {
+            let at = Vector::new(side * (0.5 + 0.5 * gap_m) - 0.1, 0.5, 0.0);
+            world.insert(RigidBodyBuilder::dynamic().translation(at), cuboid(0.5, 0.5)).unwrap()
+        });
+        (0..90).for_each(|_| world.step().unwrap());
+        assert!([sleeper, mover].iter().all(|&id| world.body(id).unwrap().is_sleeping()));
+        world.update(mover, |body| body.apply_impulse(push, true)).unwrap();
+        (0..200).any(|_| {
+            world.step().unwrap();
+            !world.body(sleeper).unwrap().is_sleeping()
+        })
+    }
+
+    #[test]
+    fn what_moves_beside_a_sleeper_of_another_region_wakes_it_where_it_would_in_one_world() {
+        let mut unlike = Vec::new();
+        for gap_m in [0.02, 0.05, 0.1, 0.2, 0.4] {
+            for push in [Vector::Z * 0.5, Vector::Z * 6.0, Vector::Y * 1.5, -Vector::X * 1.5] {
+                let [one, two] = [false, true].map(|is_cut| wakes_by_the_way(is_cut, gap_m, push));
+                if one != two {
+                    unlike.push(format!("{gap_m} m apart, {push} N s: woken {two}, in one region {one}"));
+                }
+            }
         }
         assert!(unlike.is_empty(), "{unlike:#?}");
     }

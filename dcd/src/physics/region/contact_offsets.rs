@@ -92,7 +92,7 @@ impl Region {
             kept.iter().for_each(|(handle, was)| self.carry_on(*handle, was, parameters.dt));
             let lulled = if step > last { self.lull(&sleepers) } else { Vec::new() };
             self.world.step_with_events(&(), &TouchListener(&self.listener));
-            self.restore_thresholds(lulled);
+            self.restore_limits(lulled);
             for (handle, was) in &kept {
                 // Rapier wakes what is moved. In the step before, resting bodies hardly move.
                 let sleeper = was.is_sleeping() && was.is_dynamic();

@@ -170,9 +170,15 @@ impl Region {
         self.lull(&newcomers)
     }
 
-    /// Puts a copy where other regions say that it is. What sleeps beside it without touching it sleeps on: Rapier
-    /// would wake it.
+    /// Puts a copy where other regions say that it is. What sleeps beside it without touching it sleeps on.
     pub(in crate::physics) fn put_copy(&mut self, handle: RigidBodyHandle, pose: Pose) {
+        self.leave_asleep_beside(handle);
+        self.world_mut().bodies[handle].set_position(pose, false);
+    }
+
+    /// Keeps asleep what sleeps beside a body without touching it, when the coupling is about to change the body:
+    /// Rapier would wake it.
+    pub(super) fn leave_asleep_beside(&mut self, handle: RigidBodyHandle) {
         let mut beside = Vec::new();
         self.for_each_contact(handle, |other, touches| {
             if !touches && self.world.bodies[other].is_sleeping() {
@@ -180,7 +186,12 @@ impl Region {
             }
         });
         self.left.extend(beside);
-        self.world_mut().bodies[handle].set_position(pose, false);
+    }
+
+    /// Keeps a body asleep, with what sleeps beside it, when the coupling is about to change it: Rapier would wake them.
+    pub(super) fn leave_asleep(&mut self, handle: RigidBodyHandle) {
+        self.left.push(handle);
+        self.leave_asleep_beside(handle);
     }
 
     /// Has Rapier forget the contacts of colliders that were removed, as it would in the next step. It makes

@@ -396,6 +396,7 @@ impl Region {
 
     /// Scales every source of the body's mass, colliders and extra mass, to one of so many parts.
     fn divide(&mut self, handle: RigidBodyHandle, parts: usize) {
+        self.leave_asleep(handle);
         let traits = self.slot(handle).traits.clone();
         let share = 1.0 / parts as f32;
         let PhysicsWorld { bodies, colliders, .. } = self.world_mut();

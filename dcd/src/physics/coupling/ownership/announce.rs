@@ -9,7 +9,6 @@ use super::Decision;
 use super::membership::tell;
 use crate::physics::coupling::{Moment, Side, launch, predicted_contacts};
 use crate::physics::region::{BodyRef, Ownership, Region};
-use crate::physics::settings::WHOLE;
 use crate::space::{BodyId, RegionSet};
 
 /// The most bodies that are sent with one that a collision sped up, since they touch it or joints tie them to
@@ -122,13 +121,9 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
         let members = holders.union(own);
         // What meets it in one of these regions alone would find a part of its mass there, and a copy that does
         // not meet what the others meet would carry the body past it. So whole copies follow the one that is
-        // struck or stopped, where no island is split. Where large ones are, the body may be of such a one: only
-        // what is fast or sleeps follows.
-        let limit = moment.settings.island_limit;
-        let follows = moment.settings.coupling.moves_islands() && limit > 0;
-        let asleep = region.physics().bodies[handle].is_sleeping();
-        let is_sure = limit >= WHOLE || is_fast || asleep || !more.is_empty();
-        let warming = if whole || follows && is_sure { holders } else { RegionSet::EMPTY };
+        // struck or stopped, where islands move whole at all.
+        let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
+        let warming = if whole || follows { holders } else { RegionSet::EMPTY };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {
@@ -141,14 +136,20 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
 mod tests {
     use rapier3d::prelude::*;
 
+    use crate::physics::settings::WHOLE;
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+    use crate::space::Axis;
+
     /// A box is inserted so that it overlaps another one beside a border.
     #[test]
     fn what_is_inserted_into_another_at_a_border_pushes_it_as_hard_as_it_is_pushed() {
         for at in [0.1, 0.3, 0.45, 0.6, 0.9, -0.3, -0.6] {
-            for can_sleep in [true, false] {
+            for (can_sleep, island_limit) in
+                [(true, WHOLE), (false, WHOLE), (true, 256), (false, 8), (false, 3)]
+            {
                 let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
                 let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
-                config.step.gravity = [0.0; 3];
+                (config.step.gravity, config.step.island_limit) = ([0.0; 3], island_limit);
                 let mut world = LocalWorld::new(config).unwrap();
                 let mut boxes = Vec::new();
                 for x in [at, at + 0.85] {
@@ -157,13 +158,13 @@ mod tests {
                     (0..60).for_each(|_| world.step().unwrap());
                 }
                 let [a, b] = [0, 1].map(|i| world.velocity(boxes[i]).unwrap().linear[0]);
-                assert!(a < -0.07 && (a + b).abs() < 1e-5, "at {at} m, sleep {can_sleep}: {a}, {b} m/s");
+                assert!(
+                    a < -0.07 && (a + b).abs() < 1e-5,
+                    "at {at} m, sleep {can_sleep}, limit {island_limit}: {a}, {b} m/s"
+                );
             }
         }
     }
-
-    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
-    use crate::space::Axis;
 
     /// A ball that a loose one touches from behind is set off at a box behind a border.
     #[test]

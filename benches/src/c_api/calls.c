@@ -10,7 +10,8 @@
  *   calls rays BODIES RAYS REGIONS THREADS
  *                                      ns per ray into such boxes, all rays in one call, and ns per ball that moves
  *                                      along such a ray; each the least of some calls
- *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and by which the next step,
+ *   calls rollback BODIES REPEATS THREADS
+ *                                      ms to keep a pile by a checkpoint, to go back to it, and by which the next step,
  *                                      in which what was shared is copied, takes longer for either; medians
  *   calls game BODIES STEPS REGIONS PLANE
  *                                      ms of the CPU per step of a game, the mean; four regions are cut at
@@ -292,7 +293,7 @@ static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t thre
 }
 
 /* Measures a game of rollback at its worst: everything moves, and each tick that is kept is computed once more. */
-static void rolling_back(size_t bodies, size_t repeats)
+static void rolling_back(size_t bodies, size_t repeats, uint32_t threads)
 {
     enum { PLAIN, SAVE, STEP_SAVED, RESTORE, STEP_RESTORED, PARTS };
     char n[32];
@@ -303,7 +304,7 @@ static void rolling_back(size_t bodies, size_t repeats)
     double median[PARTS], *times[PARTS];
     snprintf(n, sizeof n, "n=%zu", bodies);
     def.regions = 1;
-    def.threads = 1;
+    def.threads = threads;
     check(dcd_world_open_scene("pile", params, 1, &def, &world));
     check(dcd_checkpoint_create(world, &checkpoint));
     for (size_t i = 0; i < WARM_UP; i++) {
@@ -455,8 +456,9 @@ int main(int argc, char **argv)
     } else if (argc == 6 && strcmp(argv[1], "rays") == 0) {
         const uint32_t regions = (uint32_t)strtoul(argv[4], NULL, 10), threads = (uint32_t)strtoul(argv[5], NULL, 10);
         casting(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), regions, threads);
-    } else if (argc == 4 && strcmp(argv[1], "rollback") == 0) {
-        rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
+    } else if (argc == 5 && strcmp(argv[1], "rollback") == 0) {
+        const uint32_t threads = (uint32_t)strtoul(argv[4], NULL, 10);
+        rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), threads);
     } else if (argc == 6 && strcmp(argv[1], "game") == 0) {
         const uint32_t regions = (uint32_t)strtoul(argv[4], NULL, 10);
         playing(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), regions, strtod(argv[5], NULL));

@@ -106,16 +106,28 @@ impl CApi {
         rows.extend(casting(&calls, many, rounds)?);
         rows.extend(playing(&calls, steps / 5, rounds)?);
 
+        let cores = std::thread::available_parallelism()?.get();
         for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
-            let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
-            for (what, names) in [
-                ("kept by a checkpoint", &["save_ms"][..]),
-                ("the same, with what the next step copies", &["save_ms", "copy_ms"]),
-                ("gone back to", &["restore_ms"]),
-                ("the same, with what the next step copies then", &["restore_ms", "copy_again_ms"]),
-            ] {
-                let took = names.iter().map(|&name| said[name]).sum();
-                rows.push(Row::new(&format!("{bodies} bodies in a pile, {what}"), took, "ms", goal));
+            for (threads, on) in [(1, ""), (cores, " on all cores")] {
+                let ask = ["rollback", &bodies.to_string(), &(rounds * 9).to_string(), &threads.to_string()];
+                let said = calls.said(&ask)?;
+                for (what, names) in [
+                    ("kept by a checkpoint", &["save_ms"][..]),
+                    ("the same, with what the next step copies", &["save_ms", "copy_ms"]),
+                    ("gone back to", &["restore_ms"]),
+                    ("the same, with what the next step copies then", &["restore_ms", "copy_again_ms"]),
+                ] {
+                    // What is copied at once is copied by the calling thread.
+                    if threads == 1 || names.len() > 1 {
+                        let took = names.iter().map(|&name| said[name]).sum();
+                        rows.push(Row::new(
+                            &format!("{bodies} bodies in a pile, {what}{on}"),
+                            took,
+                            "ms",
+                            goal,
+                        ));
+                    }
+                }
             }
         }
 

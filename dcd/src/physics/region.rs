@@ -117,6 +117,8 @@ pub struct Region {
     fresh: Vec<BodyRef>,
     /// Bodies of its own that their user has sped up since the last step.
     launched: Vec<BodyRef>,
+    /// Bodies of its own that their user has put elsewhere since the last step, or has let touch what they did not.
+    appeared: Vec<BodyRef>,
     /// The tick from which on the coupling must check each body again for nearness to a border, by Rapier's
     /// body index. Kept apart from the slots, so that passing over a body far from any border touches four
     /// bytes.
@@ -203,6 +205,7 @@ impl Region {
             rests: false,
             fresh: Vec::new(),
             launched: Vec::new(),
+            appeared: Vec::new(),
             due: Vec::new(),
             step_us: 0.0,
             mean_step_us: 0.0,
@@ -389,19 +392,39 @@ impl Region {
         }
     }
 
-    /// Returns the awake bodies that the coupling must check in a tick of this length: those whose rest is over, and
-    /// those in flight, since a collision may just have set them off.
-    pub(super) fn due(&self, tick: Tick, tick_s: f32) -> impl Iterator<Item = RigidBodyHandle> {
+    /// Takes the bodies that their user has put elsewhere since the last step, or has let touch what they did not; some
+    /// may be gone again, or another region's.
+    pub(super) fn take_appeared(&mut self) -> Vec<BodyRef> {
+        std::mem::take(&mut self.appeared)
+    }
+
+    /// Notes that a user has put a body owned here elsewhere, or has let it touch what it did not.
+    fn note_appearance(&mut self, handle: RigidBodyHandle) {
+        if self.slot(handle).role == Ownership::Owner {
+            self.appeared.push(BodyRef { id: self.slot(handle).id, handle });
+        }
+    }
+
+    /// Returns the awake bodies that the coupling must check in a tick: those whose rest is over, and those that are faster
+    /// than this, m/s, since a collision may just have set them off.
+    pub(super) fn due(&self, tick: Tick, fast_m_s: f32) -> impl Iterator<Item = RigidBodyHandle> {
         let now = tick.0 as u32;
         let is_due = move |handle: RigidBodyHandle| self.due[handle.into_raw_parts().0 as usize] <= now;
         let awake = self.world.islands.active_bodies();
-        awake.filter(move |&handle| is_due(handle) || self.flies(handle, tick_s))
+        let is_fast = move |handle: RigidBodyHandle| self.world.bodies[handle].linvel().length() > fast_m_s;
+        awake.filter(move |&handle| is_due(handle) || is_fast(handle))
     }
 
-    /// Returns whether a body moves by more than its own radius in a tick: it may jump over what it would hit.
+    /// Returns whether a body moves so far in a tick that it may jump over what it would hit, or come to lie deep in it
+    /// before that is known to be there.
     pub(super) fn flies(&self, handle: RigidBodyHandle, tick_s: f32) -> bool {
         let way_m = self.world.bodies[handle].linvel().length() * tick_s;
-        way_m > self.slot(handle).reach_m && way_m.is_finite()
+        way_m > self.leap_m(handle) && way_m.is_finite()
+    }
+
+    /// Returns the way in a tick beyond which a body flies, metres: a quarter of its radius.
+    pub(super) fn leap_m(&self, handle: RigidBodyHandle) -> f32 {
+        0.1 * self.slot(handle).reach_m
     }
 
     /// Exempts a body from checks until a tick, unless it is changed.

@@ -115,13 +115,13 @@ fn agree_on(
         return Disagreement::default();
     }
     let (pose, velocity) = mean(copies);
-    let (reach_m, tick_s) = (region.slot(link.handle).reach_m, moment.settings.dt_s);
+    let (leap_m, tick_s) = (region.leap_m(link.handle), moment.settings.dt_s);
     // The other regions may not hold what one copy met.
     let stopped = |copy: &CopyState| {
-        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, tick_s);
+        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, leap_m, tick_s);
         copies().map(behind_um).max().unwrap_or(0)
     };
-    let is_fast = copies().any(|copy| way_m(copy, tick_s) > reach_m);
+    let is_fast = copies().any(|copy| way_m(copy, tick_s) > leap_m);
     let last = copies().filter(|_| is_fast).max_by_key(|copy| stopped(copy));
     let pose = last.filter(|copy| stopped(copy) > 0).map_or(pose, |copy| copy.pose);
     let count = copies().count() as f32;
@@ -172,13 +172,13 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let own = (!is_broken(region, link)).then_some((own_rank, &shared.own));
     let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
-    let reach_m = region.slot(link.handle).reach_m;
+    let leap_m = region.leap_m(link.handle);
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
     // Contacts move only dynamic bodies; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
-        let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, reach_m, tick_s));
+        let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, leap_m, tick_s));
         (leads, seen, stopped_um, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {

@@ -44,7 +44,7 @@ pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32
     border.looked_at.extend(region.take_fresh().into_iter().map(|link| link.handle));
     let overlooked = border.take_overlooked(region);
     border.looked_at.extend(overlooked);
-    border.looked_at.extend(region.due(tick, dt_s));
+    border.looked_at.extend(region.due(tick, SURPRISE_M_S));
     tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 

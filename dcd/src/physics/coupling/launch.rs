@@ -31,20 +31,8 @@ pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
     assembly.map_or(&[], |place| &region.assemblies()[place as usize].members)
 }
 
-/// Returns the regions to whose cells a body, or what joints tie it to, comes within a time, within a margin.
-pub(super) fn cells_on_its_way(
-    region: &Region,
-    partition: &Partition,
-    link: BodyRef,
-    ahead_s: f32,
-    margin_m: f64,
-) -> RegionSet {
-    let ways = ways_of(region, link, ahead_s, margin_m);
-    ways.map(|way| partition.touching(&way)).fold(RegionSet::EMPTY, RegionSet::union)
-}
-
-/// Returns these regions, and those whose bodies reach out of their cells to its way, as far as they have said
-/// so here. One that is behind the present time takes in no body, and is not waited for.
+/// Returns the regions to whose cells a body, or what joints tie it to, comes within a time, within a margin, and those
+/// whose bodies reach out of their cells to its way, as far as they have said so here. One that is behind the present time takes in no body, and is not waited for.
 pub(super) fn on_its_way(
     region: &Region,
     border: &Border,
@@ -88,12 +76,12 @@ fn way_of(region: &Region, handle: RigidBodyHandle, ahead_s: f32, margin_m: f64)
 }
 
 /// Marks for announcement the bodies that their user has sped up since the last step and that fly into other
-/// regions soon. Returns whether one of them flies to regions that this one hears of only from the next
-/// meeting of all on.
+/// regions soon, and those that their user has put beside what other regions own, or has let touch it. Returns
+/// whether one of them flies to regions that this one hears of only from the next meeting of all on.
 pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
     let Side { region, border, .. } = side;
-    let launched = region.take_launched();
-    if launched.is_empty() {
+    let (launched, appeared) = (region.take_launched(), region.take_appeared());
+    if launched.is_empty() && appeared.is_empty() {
         return false;
     }
     let is_here = |link: &BodyRef| region.role_of(link.handle) == Some((link.id, Ownership::Owner));
@@ -102,10 +90,11 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
     // Some of the tied bodies may be gone.
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
-    for link in launched {
-        if !flies_off(region, border, moment, link, UNSEEN_TICKS, moment.partition.halo_m()) {
-            continue;
-        }
+    let halo_m = moment.partition.halo_m();
+    let flies =
+        launched.into_iter().filter(|link| flies_off(region, border, moment, *link, UNSEEN_TICKS, halo_m));
+    let comes = appeared.into_iter().filter(|link| comes_near(region, border, moment, *link));
+    for link in flies.chain(comes).collect::<Vec<_>>() {
         let tied = together(region, link).to_vec();
         for link in tied.into_iter().chain([link]).filter(|link| known.insert(link.id)) {
             // Its island, or what that island comes to meet, may not lie in one region.
@@ -165,7 +154,7 @@ pub(super) fn flies_off(
     let Some(body) = held.filter(|_| region.role_of(handle) == Some((id, Ownership::Owner))) else {
         return false;
     };
-    body.is_dynamic()
+    !body.is_fixed()
         && !region.is_articulated(handle)
         && region.slot(handle).holders.is_empty()
         && region.flies(handle, tick_s)
@@ -173,14 +162,26 @@ pub(super) fn flies_off(
             != RegionSet::only(region.rank())
 }
 
+/// Returns whether a body owned here comes near regions within some ticks that do not hold it yet, or near their bodies.
+fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRef) -> bool {
+    let BodyRef { id, handle } = link;
+    if region.role_of(handle) != Some((id, Ownership::Owner)) || region.is_articulated(handle) {
+        return false;
+    }
+    let (ahead_s, margin_m) = (UNSEEN_TICKS * moment.settings.dt_s, moment.partition.halo_m());
+    let near = on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
+    let held = region.slot(handle).holders.union(RegionSet::only(region.rank()));
+    !near.without(held).is_empty()
+}
+
 /// Returns how far, in micrometres, a copy of a fast body is behind another one because it was stopped on its
 /// way in the last tick, or in the one before. Rapier stops a flying body where it is about to hit something,
 /// and lets it touch that in the next step. Returns 0 for copies that are side by side, farther apart than two
 /// ticks take them, or slow. Two: a region to which a body was sent in the exchange that told of its stop begins
 /// a tick's way ahead of it.
-pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
+pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, leap_m: f32, tick_s: f32) -> i64 {
     let way_m = way_m(ahead, tick_s);
-    if way_m <= reach_m {
+    if way_m <= leap_m {
         return 0;
     }
     let motion = Vector::from_array(ahead.velocity.linear);
@@ -200,6 +201,7 @@ mod tests {
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
     use super::*;
+    use crate::protocol::WorldPose;
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
 
@@ -372,5 +374,87 @@ mod tests {
             middle_first(&places[..places.len() / 2], planes);
             middle_first(&places[places.len() / 2 + 1..], planes);
         }
+    }
+
+    /// How a box comes to hit another one that another region owns.
+    #[derive(Clone, Copy, Debug)]
+    enum Set {
+        Off,
+        Elsewhere,
+        InFrontOf,
+        Enabled,
+        Solid,
+        Kinematic,
+    }
+
+    /// Two boxes lie side by side on a border, each owned by another region. One is set off at the other, along the border.
+    /// Returns after how many ticks the other moves, and how fast, if it does.
+    fn hit_along_a_border(is_cut: bool, set: Set, speed: f32, gap_m: f32, ccd: bool) -> Option<(usize, f32)> {
+        let cuts = is_cut.then_some((Axis::Z, 0.0)).into_iter().collect();
+        let mut config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+        config.step.gravity = [0.0; 3];
+        let mut world = LocalWorld::new(config).unwrap();
+        let away = |is_so: bool| if is_so { 5.0 } else { 0.0 };
+        let one_at = Vector::new(0.0, away(matches!(set, Set::Elsewhere)), 0.1);
+        let other_at = Vector::new(0.6 + gap_m, away(matches!(set, Set::InFrontOf)), -0.1);
+        let moves = Vector::X * speed;
+        let kind = match set {
+            Set::Kinematic => RigidBodyType::KinematicVelocityBased,
+            _ => RigidBodyType::Dynamic,
+        };
+        let one = RigidBodyBuilder::new(kind).translation(one_at).ccd_enabled(ccd);
+        let one = match set {
+            Set::Enabled => one.enabled(false),
+            Set::InFrontOf => one.translation(one_at - moves * 0.2).linvel(moves),
+            _ => one,
+        };
+        let cube = ColliderBuilder::cuboid(0.3, 0.3, 0.3).friction(0.0);
+        let air = cube.clone().collision_groups(InteractionGroups::none());
+        let of_one = if matches!(set, Set::Solid) { air } else { cube.clone() };
+        let one = world.insert(one, of_one).unwrap();
+        let other = RigidBodyBuilder::dynamic().translation(other_at).ccd_enabled(ccd);
+        let other = world.insert(other, cube).unwrap();
+        (0..12).for_each(|_| world.step().unwrap());
+        match set {
+            Set::Elsewhere => world.set_pose(one, WorldPose::at([0.0, 0.0, 0.1])).unwrap(),
+            Set::InFrontOf => {
+                world.set_pose(other, WorldPose::at([0.6 + f64::from(gap_m), 0.0, -0.1])).unwrap();
+            }
+            Set::Enabled => world.update(one, |body| body.set_enabled(true)).unwrap(),
+            Set::Solid => world
+                .update_collider(one, 0, |own| own.set_collision_groups(InteractionGroups::all()))
+                .unwrap(),
+            Set::Off | Set::Kinematic => {}
+        }
+        world.update(one, |body| body.set_linvel(moves, true)).unwrap();
+        (0..20).find_map(|tick| {
+            world.step().unwrap();
+            let speed = world.velocity(other).unwrap().linear[0];
+            (speed > 0.5).then_some((tick, speed))
+        })
+    }
+
+    #[test]
+    fn what_is_set_off_along_a_border_hits_what_lies_beside_it_there_as_soon_as_in_one_world() {
+        let mut unlike = Vec::new();
+        for set in [Set::Off, Set::Elsewhere, Set::InFrontOf, Set::Enabled, Set::Solid, Set::Kinematic] {
+            for speed in [6.0, 10.0, 13.0, 18.0, 23.4, 28.0] {
+                for gap_m in [0.02, 0.1, 0.2, 0.3, 0.45, 0.57] {
+                    for ccd in [false, true] {
+                        let hit = |is_cut| hit_along_a_border(is_cut, set, speed, gap_m, ccd);
+                        let (one, two) = (hit(false), hit(true));
+                        let alike = |(a, b): ((usize, f32), (usize, f32))| {
+                            a.0 == b.0 && (a.1 - b.1).abs() < 0.05 * a.1
+                        };
+                        if !one.zip(two).is_some_and(alike) {
+                            unlike.push(format!(
+                                "{set:?}, {speed} m/s over {gap_m} m, CCD {ccd}: {two:?}, in one region {one:?}"
+                            ));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(unlike.is_empty(), "{} {unlike:#?}", unlike.len());
     }
 }

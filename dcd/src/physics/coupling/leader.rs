@@ -120,10 +120,10 @@ impl Leaders {
                 number
             }
         };
-        let reach_m = region.slot(handle).reach_m;
+        let leap_m = region.leap_m(handle);
         for (rank, copy) in all().filter(|(_, copy)| counts(copy)) {
             let &CopyState { island, held_by, .. } = copy;
-            let behind_um = |(_, ahead): (usize, &CopyState)| stopped_um(ahead, copy, reach_m, tick_s);
+            let behind_um = |(_, ahead): (usize, &CopyState)| stopped_um(ahead, copy, leap_m, tick_s);
             let stopped_um = all().filter(|(_, copy)| counts(copy)).map(behind_um).max().unwrap_or(0);
             let (seen, size) = (copy.seen.into(), copy.size.into());
             let view = View { root: place, rank, held_by, seen, size, stopped_um };

@@ -236,7 +236,7 @@ impl Coupling {
     pub(super) fn begin(self, side: &mut Side, moment: Moment<'_>) {
         match self.shares_mass() && moment.partition.len() > 1 {
             true => launch::hold(side, moment),
-            false => drop(side.region.take_launched()),
+            false => drop((side.region.take_launched(), side.region.take_appeared())),
         }
     }
 

@@ -65,7 +65,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     looked_at.clear();
     looked_at.extend(fresh);
     looked_at.extend(border.take_overlooked(region));
-    looked_at.extend(region.due(moment.tick, moment.settings.dt_s));
+    looked_at.extend(region.due(moment.tick, predicted_contacts::SURPRISE_M_S));
     predicted_contacts::look(region, &mut border.predicted, moment, &looked_at);
     border.looked_at = looked_at;
     share_sudden(side, moment);

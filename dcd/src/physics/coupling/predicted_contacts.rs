@@ -15,7 +15,7 @@ mod near;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub(super) use self::look::{look, look_at};
+pub(super) use self::look::{SURPRISE_M_S, look, look_at};
 pub(super) use self::meeting::Meeting;
 use self::near::Near;
 pub(in crate::physics) use self::near::swept_bounds;
@@ -59,7 +59,7 @@ pub(super) struct PredictedContacts {
     ahead_s: f32,
     /// The box, in region space, in which bodies concern no other region.
     inner: (Vector, Vector),
-    /// The velocities, when they were last looked at, of bodies owned here that flew, in order of Rapier's handles.
+    /// The velocities, when they were last looked at, of bodies owned here that were fast, in order of Rapier's handles.
     flying: Vec<(RigidBodyHandle, Vector)>,
     /// Bodies whose velocity has just changed by more than their own radius per tick.
     #[serde(skip)]

@@ -69,10 +69,12 @@ impl Region {
         if (self.world.bodies[handle].is_enabled(), self.world.bodies[handle].body_type()) != (before.1, kind)
         {
             self.look_at_ties();
+            self.note_appearance(handle);
         }
         if place(self) == before {
             self.moved = found;
         } else {
+            self.note_appearance(handle);
             self.touch_only(handle, found);
         }
         result
@@ -181,7 +183,9 @@ impl Region {
             if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
             }
-            wakes = (new.shape, new.pose, new.enabled) != (old.shape, old.pose, old.enabled);
+            let holds = |own: &ColliderRecord| (own.shape, own.pose, own.enabled, own.sensor);
+            let meets = |own: &ColliderRecord| (own.collision_groups, own.solver_groups, own.collision_types);
+            wakes = (holds(&new), meets(&new)) != (holds(old), meets(old));
             if new != *old {
                 let traits = Arc::make_mut(&mut slot.traits);
                 let old = std::mem::replace(&mut traits.colliders[index], new);
@@ -226,6 +230,7 @@ impl Region {
         // What it lay on, it may no longer touch.
         if wakes && changed.is_ok() {
             self.wake(handle);
+            self.note_appearance(handle);
         }
         Some(changed)
     }
@@ -269,5 +274,40 @@ mod tests {
                 world.step().unwrap();
             }
         }
+    }
+
+    /// Boxes fall beside a border and sleep. One of them is made to touch nothing any more.
+    #[test]
+    fn a_sleeper_at_a_border_that_its_program_makes_air_falls() {
+        use crate::runtime::Partitioning;
+        use crate::space::Axis;
+        let mut hang = Vec::new();
+        for (way, is_sensor) in [("sensor", true), ("groups", false)] {
+            for place in -5..5_i16 {
+                let cuts = vec![(Axis::Z, 0.0)];
+                let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+                let mut world = LocalWorld::new(config).unwrap();
+                let cube = |half: f32| ColliderBuilder::cuboid(half, 0.5, half);
+                let at = |y: f32, z: f32| Vector::new(0.0, y, z);
+                world.insert(RigidBodyBuilder::fixed().translation(at(-0.5, 0.0)), cube(20.0)).unwrap();
+                let z = 0.2 * f32::from(place);
+                let zone = RigidBodyBuilder::kinematic_position_based().translation(at(0.5, z));
+                world.insert(zone, cube(1.2).sensor(true)).unwrap();
+                let falls =
+                    world.insert(RigidBodyBuilder::dynamic().translation(at(0.5, z)), cube(0.5)).unwrap();
+                (0..200).for_each(|_| world.step().unwrap());
+                assert!(world.body(falls).unwrap().is_sleeping());
+                let change = |own: &mut Collider| match is_sensor {
+                    true => own.set_sensor(true),
+                    false => own.set_collision_groups(InteractionGroups::none()),
+                };
+                world.update_collider(falls, 0, change).unwrap();
+                (0..60).for_each(|_| world.step().unwrap());
+                if world.pose(falls).unwrap().translation[1] > 0.0 {
+                    hang.push(format!("{way} at {z} m"));
+                }
+            }
+        }
+        assert!(hang.is_empty(), "{hang:?}");
     }
 }

@@ -102,21 +102,35 @@ impl<'de> Deserialize<'de> for CowWorld {
     }
 }
 
-/// Copies all that a snapshot includes, and what Rapier has noted for its next step.
+/// Copies all that a snapshot includes, and what Rapier has noted for its next step. The large parts are copied
+/// beside each other by the threads of the pool in which this is called, if it is called in one.
 fn copy(world: &PhysicsWorld) -> PhysicsWorld {
+    let (narrow_phase, (bodies, (colliders, broad_phase))) = beside(
+        || world.narrow_phase.clone(),
+        || beside(|| world.bodies.clone(), || (world.colliders.clone(), world.broad_phase.clone())),
+    );
     PhysicsWorld {
         gravity: world.gravity,
         integration_parameters: world.integration_parameters,
         physics_pipeline: PhysicsPipeline::new(),
         collision_pipeline: CollisionPipeline::new(),
         islands: world.islands.clone(),
-        broad_phase: world.broad_phase.clone(),
-        narrow_phase: world.narrow_phase.clone(),
-        bodies: world.bodies.clone(),
-        colliders: world.colliders.clone(),
+        broad_phase,
+        narrow_phase,
+        bodies,
+        colliders,
         impulse_joints: world.impulse_joints.clone(),
         multibody_joints: world.multibody_joints.clone(),
         soft_bodies: world.soft_bodies.clone(),
         ccd_solver: CCDSolver::new(),
+    }
+}
+
+/// Does two things beside each other in the pool of this thread. Without one, it does both itself: rayon would take
+/// them to its global pool.
+fn beside<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    match rayon::current_thread_index() {
+        Some(_) => rayon::join(a, b),
+        None => (a(), b()),
     }
 }

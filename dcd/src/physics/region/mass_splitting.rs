@@ -116,6 +116,7 @@ impl Region {
         let mass_split = self.mass_split_mut(handle).expect("it is shared out from now on");
         mass_split.among = among;
         if std::mem::replace(&mut mass_split.parts, parts) != parts {
+            self.leave_asleep(handle);
             self.divide(handle, parts);
         }
         for joint in self.slot(handle).joints.clone() {
@@ -396,7 +397,6 @@ impl Region {
 
     /// Scales every source of the body's mass, colliders and extra mass, to one of so many parts.
     fn divide(&mut self, handle: RigidBodyHandle, parts: usize) {
-        self.leave_asleep(handle);
         let traits = self.slot(handle).traits.clone();
         let share = 1.0 / parts as f32;
         let PhysicsWorld { bodies, colliders, .. } = self.world_mut();

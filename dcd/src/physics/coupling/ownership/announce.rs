@@ -105,10 +105,9 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
     let ahead_s = if is_fast { launch::UNSEEN_TICKS } else { 1.0 } * moment.settings.dt_s;
     // That its island lies in one region was found in the last tick. What is fast may be out of it in the next.
     let margin_m = partition.halo_m();
-    let near = match (whole, is_fast) {
-        (_, true) => launch::on_its_way(region, border, partition, link, ahead_s, margin_m),
-        (false, false) => launch::cells_on_its_way(region, partition, link, ahead_s, margin_m),
-        (true, false) => RegionSet::EMPTY,
+    let near = match whole && !is_fast {
+        true => RegionSet::EMPTY,
+        false => launch::on_its_way(region, border, partition, link, ahead_s, margin_m),
     };
     let near = near.union(more);
     let reached = border.neighbours.reached(region.rank(), near);

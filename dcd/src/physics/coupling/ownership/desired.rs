@@ -5,8 +5,8 @@ use rapier3d::prelude::RigidBodyHandle;
 
 use super::is_among;
 use super::ready::{LIVELY_M_S, is_ready};
-use crate::physics::coupling::{Border, Moment};
-use crate::physics::region::Region;
+use crate::physics::coupling::{Border, Moment, launch};
+use crate::physics::region::{BodyRef, Region};
 use crate::protocol::BIG_ISLAND;
 use crate::space::{BodyId, RegionSet};
 
@@ -51,13 +51,22 @@ pub(super) fn desired_membership(
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
         (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment),
     };
-    // A kinematic body is held by the regions with a predicted contact to it; reach does not spread from it.
+    // A kinematic body is held by the regions with a predicted contact to it, and if it flies by those on its way;
+    // reach does not spread from it.
     let id = region.slot(handle).id;
     let met = border
         .predicted
         .meetings_of(id)
         .fold(RegionSet::EMPTY, |set, meeting| set.union(RegionSet::only(meeting.rank)).union(meeting.goes));
-    let met = if body.is_dynamic() { RegionSet::EMPTY } else { met };
+    let met = match body.is_dynamic() {
+        true => RegionSet::EMPTY,
+        false if region.flies(handle, moment.settings.dt_s) => {
+            let ahead_s = launch::UNSEEN_TICKS * moment.settings.dt_s;
+            let link = BodyRef { id, handle };
+            met.union(launch::on_its_way(region, border, moment.partition, link, ahead_s, 0.0))
+        }
+        false => met,
+    };
     let all = border.reach.of(handle).union(met).without(own);
     let reached = all.intersection(neighbours);
     let wanted = all.union(RegionSet::only(goal));

@@ -13,7 +13,7 @@ use crate::space::Bounds;
 /// The most ticks after which a body far from any border is checked again.
 const LONGEST_REST: u32 = 8;
 /// The gain of speed between checks, m/s, up to which a body is still checked in time.
-const SURPRISE_M_S: f32 = 10.0;
+pub(in crate::physics::coupling) const SURPRISE_M_S: f32 = 10.0;
 /// The mark of a body that is far from any border.
 const FAR: u32 = u32::MAX;
 
@@ -25,11 +25,11 @@ pub(in crate::physics::coupling) fn look(
     handles: &[RigidBodyHandle],
 ) {
     look_at(region, predicted, moment, handles);
-    let PredictedContacts { flying, tick_s, .. } = predicted;
     let own = handles.iter().filter(|&&handle| region.slot(handle).role == Ownership::Owner);
-    let in_flight = own.filter(|&&handle| region.flies(handle, *tick_s));
+    let moving = own.map(|&handle| (handle, region.physics().bodies[handle].linvel()));
+    let flying = &mut predicted.flying;
     flying.clear();
-    flying.extend(in_flight.map(|&handle| (handle, region.physics().bodies[handle].linvel())));
+    flying.extend(moving.filter(|(_, velocity)| velocity.length() > SURPRISE_M_S));
     flying.sort_unstable_by_key(|(handle, _)| handle.into_raw_parts());
 }
 
@@ -65,7 +65,7 @@ pub(in crate::physics::coupling) fn look_at(
     // By Rapier's handle, not by id, so that nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
     let PredictedContacts { near, seen, sudden, flying, tick_s, .. } = predicted;
-    let jumps = |link: BodyRef, by: Vector| by.length() * *tick_s > region.slot(link.handle).reach_m;
+    let jumps = |link: BodyRef, by: Vector| by.length() * *tick_s > region.leap_m(link.handle);
     sudden.clear();
     near.retain_mut(|known| {
         let place = if own(known) { places[index_of(known.link.handle)] } else { FAR };
@@ -78,13 +78,15 @@ pub(in crate::physics::coupling) fn look_at(
         place != FAR
     });
     let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
-    // A body that comes so near and did not fly here before was sped up.
+    // A body that comes so near and was slow before was sped up.
     let before = |near: &&Near| {
         let key = near.link.handle.into_raw_parts();
         let place = flying.binary_search_by_key(&key, |(handle, _)| handle.into_raw_parts());
         place.map_or(Vector::ZERO, |place| flying[place].1)
     };
-    let is_sudden = |near: &&Near| jumps(near.link, near.velocity - before(near));
+    let is_sudden = |near: &&Near| {
+        near.velocity.length() > SURPRISE_M_S && jumps(near.link, near.velocity - before(near))
+    };
     sudden.extend(newcomers.iter().filter(is_sudden).map(|near| near.link));
     if !newcomers.is_empty() {
         newcomers.sort_unstable_by_key(|near| near.link.id);
@@ -128,8 +130,8 @@ impl PredictedContacts {
     }
 
     /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than
-    /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is checked at most that many
-    /// ticks late, and one that flies off at once.
+    /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is fast then, and checked at
+    /// once.
     fn rest_of(&self, region: &Region, handle: RigidBodyHandle) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();

@@ -17,8 +17,8 @@ use crate::protocol::{
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
-    /// Sets how the world is stepped from the next tick on, and wakes what sleeps if gravity is another. The
-    /// host must compute every region. The coupling, its exchanges, depth and island limit stay as they are.
+    /// Sets how the world is stepped from the next tick on. If gravity is another, wakes what sleeps, and has what is
+    /// still begin anew to be so. The host must compute every region. The coupling, its exchanges, depth and island limit stay as they are.
     pub fn set_settings(&mut self, settings: StepSettings) {
         let StepSettings { coupling, exchanges, depth, island_limit, .. } = self.settings;
         let former = self.settings.gravity;
@@ -27,11 +27,10 @@ impl RegionHost {
             return;
         }
         self.sides.iter_mut().for_each(|side| side.region.set_gravity(settings.gravity));
-        let sleeps = |(id, region, handle): (BodyId, &Region, RigidBodyHandle)| {
-            let body = &region.physics().bodies[handle];
-            (body.is_dynamic() && body.is_sleeping()).then_some(id)
+        let falls = |(id, region, handle): (BodyId, &Region, RigidBodyHandle)| {
+            region.physics().bodies[handle].is_dynamic().then_some(id)
         };
-        for id in self.owned_bodies().filter_map(sleeps).collect::<Vec<_>>() {
+        for id in self.owned_bodies().filter_map(falls).collect::<Vec<_>>() {
             self.change_copies(id, |body| body.wake_up(true));
         }
     }

@@ -89,6 +89,34 @@ impl Region {
         }
     }
 
+    /// Wakes what sleeps where its user has put a body that is not dynamic, or has let it touch. Seen with Rapier 0.36.1:
+    /// such a sleeper wakes without that contact, and stays in the other body.
+    fn wake_what_is_hit(&mut self) {
+        let mut hit = Vec::new();
+        for &handle in &self.touched {
+            let Some(body) = self.world.bodies.get(handle) else { continue };
+            if body.is_dynamic() || !body.is_enabled() {
+                continue;
+            }
+            for &collider in body.colliders() {
+                let collider = &self.world.colliders[collider];
+                let place = super::moved::place(body, collider);
+                let bounds = collider.shape().compute_aabb(&place);
+                let sleepers = self.world.intersect_aabb_conservative(bounds, QueryFilter::only_dynamic());
+                let sleepers = sleepers.filter(|(_, other)| !collider.is_sensor() && !other.is_sensor());
+                for (_, other) in sleepers {
+                    let parent = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
+                    let meets = || {
+                        let shapes = (collider.shape(), other.shape());
+                        parry3d::query::intersection_test(&place, shapes.0, other.position(), shapes.1)
+                    };
+                    hit.extend(parent.filter(|_| meets().is_ok_and(|found| found.intersecting)));
+                }
+            }
+        }
+        hit.into_iter().for_each(|handle| self.wake(handle));
+    }
+
     fn is_among_awake(&self, handle: RigidBodyHandle) -> bool {
         let mut is_among = false;
         self.for_each_contact(handle, |other, touches| {
@@ -102,6 +130,7 @@ impl Region {
     /// it steps.
     pub(super) fn hand_awake_over(&mut self) {
         self.wake_sleepers_among_awake();
+        self.wake_what_is_hit();
         for place in 0..self.touched.len() {
             self.note_awake(self.touched[place], false);
         }
@@ -720,5 +749,50 @@ mod tests {
             }
         }
         assert!(unlike.is_empty(), "{unlike:#?}");
+    }
+
+    /// A wall or a platform is put into a box that sleeps, and gravity turns shortly before boxes fall asleep.
+    #[test]
+    fn a_sleeper_into_which_its_program_puts_a_body_is_pushed_out() {
+        use crate::protocol::WorldPose;
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        for (kind, cut) in [
+            (RigidBodyType::Fixed, None),
+            (RigidBodyType::KinematicPositionBased, None),
+            (RigidBodyType::KinematicPositionBased, Some(0.3)),
+        ] {
+            let cuts = cut.map(|at| (Axis::X, at)).into_iter().collect();
+            let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+            let mut world = LocalWorld::new(config).unwrap();
+            let cuboid = |x: f32, y: f32| ColliderBuilder::cuboid(x, y, x);
+            world.insert(RigidBodyBuilder::fixed().translation(-Vector::Y), cuboid(50.0, 1.0)).unwrap();
+            let at = |x: f32| Vector::new(x, 0.5, 0.0);
+            let sleeper =
+                world.insert(RigidBodyBuilder::dynamic().translation(at(0.0)), cuboid(0.5, 0.5)).unwrap();
+            let wall = world.insert(RigidBodyBuilder::new(kind).translation(at(1.1)), cuboid(0.5, 0.5)).unwrap();
+            (0..200).for_each(|_| world.step().unwrap());
+            assert!(world.body(sleeper).unwrap().is_sleeping());
+            world.set_pose(wall, WorldPose::at([0.84, 0.5, 0.0])).unwrap();
+            (0..60).for_each(|_| world.step().unwrap());
+            let x = world.pose(sleeper).unwrap().translation[0];
+            assert!(x < -0.12, "{kind:?}, cut at {cut:?}: {x} m");
+        }
+    }
+
+    #[test]
+    fn gravity_that_turns_moves_what_is_about_to_sleep() {
+        use crate::runtime::{LocalWorld, WorldConfig};
+        for wait in 20..40 {
+            let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+            let cuboid = |x: f32, y: f32| ColliderBuilder::cuboid(x, y, x);
+            world.insert(RigidBodyBuilder::fixed().translation(-Vector::Y), cuboid(50.0, 1.0)).unwrap();
+            let body = RigidBodyBuilder::dynamic().translation(0.5 * Vector::Y);
+            let id = world.insert(body, cuboid(0.5, 0.5)).unwrap();
+            (0..wait).for_each(|_| world.step().unwrap());
+            let step = StepSettings { gravity: [0.0, 5.0, 0.0], ..*world.host().settings() };
+            world.set_settings(step).unwrap();
+            (0..60).for_each(|_| world.step().unwrap());
+            assert!(world.pose(id).unwrap().translation[1] > 0.6, "after {wait} ticks");
+        }
     }
 }

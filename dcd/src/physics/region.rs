@@ -152,6 +152,8 @@ pub struct Region {
     put_to_sleep: Vec<RigidBodyHandle>,
     /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
     born_asleep: Vec<RigidBodyHandle>,
+    /// Movable bodies inserted awake since the last step; some may be gone again.
+    born_awake: Vec<RigidBodyHandle>,
     /// The colliders of copies that were given up since the last step, and the bodies whose boxes met theirs;
     /// some may be gone, too.
     departed: Vec<ColliderHandle>,
@@ -219,6 +221,7 @@ impl Region {
             laid: Vec::new(),
             put_to_sleep: Vec::new(),
             born_asleep: Vec::new(),
+            born_awake: Vec::new(),
             departed: Vec::new(),
             left: Vec::new(),
             unstepped: BTreeMap::new(),

@@ -163,6 +163,7 @@ pub(super) fn flies_off(
 }
 
 /// Returns whether a body owned here comes near regions within some ticks that do not hold it yet, or near their bodies.
+/// Where it flies those that hold it count, too: they might drop it in this tick.
 fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRef) -> bool {
     let BodyRef { id, handle } = link;
     if region.role_of(handle) != Some((id, Ownership::Owner)) || region.is_articulated(handle) {
@@ -170,7 +171,9 @@ fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRe
     }
     let (ahead_s, margin_m) = (UNSEEN_TICKS * moment.settings.dt_s, moment.partition.halo_m());
     let near = on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
-    let held = region.slot(handle).holders.union(RegionSet::only(region.rank()));
+    let own = RegionSet::only(region.rank());
+    let flies = region.flies(handle, moment.settings.dt_s);
+    let held = if flies { own } else { region.slot(handle).holders.union(own) };
     !near.without(held).is_empty()
 }
 

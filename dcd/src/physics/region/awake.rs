@@ -171,7 +171,8 @@ impl Region {
     /// Wakes the bodies that were inserted asleep, and those that sleep beside them, for as long as Rapier finds their contacts: it puts
     /// them to sleep again in the same step before it solves, unless what they touch is awake. Returns them, with what
     /// [`Region::restore_limits`] gives back. Seen with Rapier 0.36.1: a body that begins to touch something
-    /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew.
+    /// in its sleep wakes without that contact, and sinks 5 cm until the contact is found anew. So does what sleeps on a
+    /// kinematic body when something awake comes to touch it; what sleeps where bodies come awake is woken like that, too.
     ///
     /// Keeps asleep in the same way what sleeps beside copies that were given up or put elsewhere, and lets what is
     /// awake beside those given up go on to fall asleep.
@@ -182,8 +183,11 @@ impl Region {
         newcomers.retain(|&handle| self.world.bodies.get(handle).is_some_and(sleeps_still));
         newcomers.sort_unstable_by_key(|handle| handle.into_raw_parts());
         newcomers.dedup();
-        if !newcomers.is_empty() {
-            let beside = self.sleepers_beside(&newcomers);
+        let awake = std::mem::take(&mut self.born_awake);
+        let awake = awake.into_iter().filter(|handle| self.world.bodies.contains(*handle));
+        let all: Vec<_> = newcomers.iter().copied().chain(awake).collect();
+        if !all.is_empty() {
+            let beside = self.sleepers_beside(&all);
             for &handle in &beside {
                 let PhysicsWorld { islands, bodies, .. } = self.world_mut();
                 islands.wake_up(bodies, handle, false);
@@ -769,7 +773,8 @@ mod tests {
             let at = |x: f32| Vector::new(x, 0.5, 0.0);
             let sleeper =
                 world.insert(RigidBodyBuilder::dynamic().translation(at(0.0)), cuboid(0.5, 0.5)).unwrap();
-            let wall = world.insert(RigidBodyBuilder::new(kind).translation(at(1.1)), cuboid(0.5, 0.5)).unwrap();
+            let wall =
+                world.insert(RigidBodyBuilder::new(kind).translation(at(1.1)), cuboid(0.5, 0.5)).unwrap();
             (0..200).for_each(|_| world.step().unwrap());
             assert!(world.body(sleeper).unwrap().is_sleeping());
             world.set_pose(wall, WorldPose::at([0.84, 0.5, 0.0])).unwrap();
@@ -794,5 +799,45 @@ mod tests {
             (0..60).for_each(|_| world.step().unwrap());
             assert!(world.pose(id).unwrap().translation[1] > 0.6, "after {wait} ticks");
         }
+    }
+
+    /// Boxes fall onto a platform that does not move, over a border.
+    #[test]
+    fn what_falls_onto_a_platform_at_a_border_comes_to_rest_and_sleeps() {
+        use rand_chacha::ChaCha8Rng;
+        use rand_chacha::rand_core::{Rng, SeedableRng};
+
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        let mut restless = Vec::new();
+        for seed in 0..60 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut aside = |most: f32| most * (rng.next_u32() as f32 / u32::MAX as f32 - 0.5);
+            let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+            let mut world =
+                LocalWorld::new(WorldConfig { partitioning: cuts, ..WorldConfig::default() }).unwrap();
+            let plate = RigidBodyBuilder::kinematic_velocity_based().translation(-Vector::Y);
+            world.insert(plate, ColliderBuilder::cuboid(20.0, 1.0, 20.0)).unwrap();
+            let (x, z) = (aside(1.0), aside(1.0));
+            let boxes = [(-0.31, -0.31), (-0.31, 0.31), (0.31, -0.31), (0.31, 0.31)].map(|(i, k)| {
+                let at = Vector::new(x + i + aside(0.04), 4.3, z + k + aside(0.04));
+                let body = RigidBodyBuilder::dynamic().translation(at);
+                world.insert(body, ColliderBuilder::cuboid(0.3, 0.3, 0.3)).unwrap()
+            });
+            let fastest = |world: &LocalWorld| {
+                let speed = |id| Vector::from_array(world.velocity(id).unwrap().linear).length();
+                boxes.map(speed).into_iter().fold(0.0, f32::max)
+            };
+            (0..500).for_each(|_| world.step().unwrap());
+            let mut most = 0.0_f32;
+            for _ in 0..150 {
+                world.step().unwrap();
+                most = most.max(fastest(&world));
+            }
+            let sleep = boxes.iter().all(|&id| world.body(id).unwrap().is_sleeping());
+            if most > 0.05 || !sleep {
+                restless.push(format!("seed {seed}: {most} m/s, asleep: {sleep}"));
+            }
+        }
+        assert!(restless.is_empty(), "{} {restless:#?}", restless.len());
     }
 }

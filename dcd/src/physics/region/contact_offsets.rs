@@ -71,6 +71,7 @@ impl Region {
         // Their contacts come to bear their loads as all others do.
         self.put_to_sleep.clear();
         self.born_asleep.clear();
+        self.born_awake.clear();
         self.departed.clear();
         self.left.clear();
         sleepers.iter().for_each(|handle| self.world.bodies[*handle].wake_up(false));

@@ -91,8 +91,10 @@ impl Region {
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
-        if body.state.sleeping {
-            self.born_asleep.push(handle);
+        match role {
+            _ if body.state.sleeping => self.born_asleep.push(handle),
+            Ownership::Immovable => {}
+            _ => self.born_awake.push(handle),
         }
         let link = BodyRef { id: body.id, handle };
         if !holders.is_empty() || matches!(role, Ownership::Replica { .. }) {

@@ -175,13 +175,13 @@ impl Summary for Played {
             (
                 "newest states",
                 self.staleness_ms.map_or("nothing moved".into(), |age| {
-                    format!("{:.0} ms old, {:.0} at worst (p99)", age.p50, age.p99)
+                    format!("{:.0} ms old, {:.0} for one in a hundred (p99)", age.p50, age.p99)
                 }),
             ),
             (
                 "shown off",
-                self.shown_error_mm.map_or("not asked for (--truth)".into(), |error| {
-                    format!("{:.1} mm, {:.1} at worst (p99)", error.p50, error.p99)
+                self.shown_error_mm.map_or("unknown: without --truth, or nothing moved".into(), |error| {
+                    format!("{:.1} mm, {:.1} for one picture in a hundred (p99)", error.p50, error.p99)
                 }),
             ),
             ("shown", or_none(self.shown_behind_ms, " ms behind the world")),

@@ -34,7 +34,7 @@ pub(super) struct Diff {
     /// Another one
     b: PathBuf,
     /// Stop after this tick
-    #[arg(long, value_name = "TICK")]
+    #[arg(long, value_name = "TICK", value_parser = clap::value_parser!(u64).range(1..))]
     until: Option<u64>,
     /// Threads that step a world [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]

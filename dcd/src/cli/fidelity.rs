@@ -22,8 +22,9 @@ pub(super) struct FidelityArgs {
 }
 
 impl FidelityArgs {
-    pub(super) fn is_given(&self) -> bool {
-        self.fidelity.is_some() || !self.viewpoint.is_empty()
+    /// Returns the names of these options, and which are given.
+    pub(super) fn given(&self) -> [(&'static str, bool); 2] {
+        [("--fidelity", self.fidelity.is_some()), ("--viewpoint", !self.viewpoint.is_empty())]
     }
 
     /// Returns whether these options ask that not everything be computed in full.

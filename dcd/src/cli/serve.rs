@@ -303,12 +303,9 @@ impl Serve {
             world.tree().map_err(|error| explained(error.into(), &scene))?;
             return Ok(Beginning::Scene(Box::new((scene, world))));
         }
-        let begun = [
-            ("--set", !self.set.is_empty()),
-            ("--regions", self.regions.is_some()),
-            ("--fidelity", self.fidelity.is_given()),
-        ];
-        let given = begun.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        let begun = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let given =
+            begun.into_iter().chain(self.fidelity.given()).find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = given.or_else(|| self.cuts.first_given()) {
             return Err(Failure::usage(format!(
                 "{} is a snapshot, which goes on as it was begun; leave {name} out, or serve the scene anew",

@@ -49,10 +49,12 @@ impl Truth {
             }
         }
         let Some(time) = client.view_time() else { return };
-        // Bodies that move in truth, or are shown moving.
+        // Bodies that move in truth, or are shown moving. The client is told of none outside its interest.
         let moving: BTreeSet<_> = states(client).into_iter().chain(truth).map(|(id, ..)| id).collect();
-        let shown =
-            moving.into_iter().filter_map(|id| Some((id, client.motion_at(id, time.shown)?))).collect();
+        let heard: BTreeSet<_> =
+            client.with_bodies(|view| (!view.outside).then_some(view.body.id)).into_iter().collect();
+        let heard = moving.intersection(&heard);
+        let shown = heard.filter_map(|&id| Some((id, client.motion_at(id, time.shown)?))).collect();
         self.shown.push_back((time.shown, shown));
         while self.shown.front().is_some_and(|(tick, _)| *tick + LATEST < time.now) {
             let Some((tick, bodies)) = self.shown.pop_front() else { break };

@@ -64,6 +64,17 @@ impl Fidelity {
     }
 }
 
+impl std::fmt::Display for Fidelity {
+    /// Writes it as it is parsed.
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Off => to.write_str("off"),
+            Self::Tolerance { m_s } => write!(to, "tolerance={m_s}"),
+            Self::Budget { tick_ms } => write!(to, "budget={tick_ms}"),
+        }
+    }
+}
+
 impl std::str::FromStr for Fidelity {
     type Err = String;
 

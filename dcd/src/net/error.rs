@@ -251,7 +251,10 @@ pub enum JoinRefusal {
         resume: JoinRole,
     },
     /// The resume key is of another authority, or is forged.
-    #[error("the resume key is not of this server's authority; join without it to be given new ids")]
+    #[error(
+        "the resume key, which an identity file (`--identity`) keeps, is not of this server's authority, as after a new data folder; \
+         move the file away, or join without the key, and a token gives new ids"
+    )]
     BadResumeKey,
     /// The certificate to be renewed is not of this authority, or not the sender's.
     #[error(
@@ -267,11 +270,16 @@ pub enum JoinRefusal {
 }
 
 impl JoinRefusal {
-    /// Returns whether the cause is the token, so that another token may do.
+    /// Returns whether the cause is the token or the resume key, so that another may do.
     pub(super) fn is_of_token(&self) -> bool {
         matches!(
             self,
-            Self::BadToken(_) | Self::OtherAuthority | Self::Expired | Self::Used | Self::WrongRole { .. }
+            Self::BadToken(_)
+                | Self::OtherAuthority
+                | Self::Expired
+                | Self::Used
+                | Self::WrongRole { .. }
+                | Self::BadResumeKey
         )
     }
 }

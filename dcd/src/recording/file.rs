@@ -117,7 +117,13 @@ impl<R: Read> Reader<R> {
         }
         if length == 0 {
             self.ended = true;
-            return Ok(None);
+            let end = self.taken + head.len() as u64;
+            // Nothing is written after the last chunk.
+            return if read_up_to(&mut self.from, 1)?.is_empty() {
+                Ok(None)
+            } else {
+                Err(RecordingError::Damaged(end))
+            };
         }
         self.before = hash;
         self.taken += (head.len() + length) as u64;

@@ -91,6 +91,8 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     let mut damaged = whole.clone();
     damaged[whole.len() / 2] ^= 4;
     assert!(matches!(ticks(&damaged), Err(RecordingError::Damaged(_))));
+    let followed = [&whole[..], b"more"].concat();
+    assert!(matches!(ticks(&followed), Err(RecordingError::Damaged(_))), "nothing may follow the end");
     let named = |name: &str, bytes: Vec<u8>| (name.to_owned(), open(Cursor::new(bytes), &StandIns).unwrap());
     let mut both = Replay::new(vec![named("a.dcdr", whole), named("b.dcdr", damaged)]).unwrap();
     let error = std::iter::repeat_with(|| both.advance(END)).find_map(Result::err);

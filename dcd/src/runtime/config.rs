@@ -212,7 +212,8 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     }
     let coupling = config.step.coupling;
     if config.fidelity != Fidelity::Off && !coupling.shares_mass() {
-        return wrong("fidelity", format!("{:?}", config.fidelity), "off with the couplings owner and proxy");
+        let range = "off with the couplings owner and proxy: leave it out, or take another coupling";
+        return wrong("fidelity", config.fidelity.to_string(), range);
     }
     check_threads(config.threads)?;
     if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {

@@ -53,7 +53,7 @@ pub(super) struct Replay {
     #[arg(long)]
     check: bool,
     /// Stop after this tick
-    #[arg(long, value_name = "TICK")]
+    #[arg(long, value_name = "TICK", value_parser = clap::value_parser!(u64).range(1..))]
     until: Option<u64>,
     /// Print the bodies as they are after this tick, as CSV: body, node, region, and the fields of the state, positions relative to the
     /// region

@@ -191,10 +191,10 @@ impl Run {
             ("--view", self.view.is_some()),
             ("--record", self.record.is_some()),
             ("--gltf", self.film.is_given()),
-            ("--fidelity", self.fidelity.is_given()),
             ("--threads", self.threads.is_some()),
         ];
-        let given = needs.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        let given =
+            needs.into_iter().chain(self.fidelity.given()).find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = given.or(self.cuts.first_given()).filter(|_| self.regions == Some(0)) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
@@ -208,12 +208,9 @@ impl Run {
     }
 
     fn resume(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
-        let given = [
-            ("--set", !self.set.is_empty()),
-            ("--regions", self.regions.is_some()),
-            ("--fidelity", self.fidelity.is_given()),
-        ];
-        let contradicts = given.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        let given = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let contradicts =
+            given.into_iter().chain(self.fidelity.given()).find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = contradicts.or(self.cuts.first_given()) {
             return Err(Failure::usage(format!(
                 "{} is a snapshot, which goes on as it was begun; leave {name} out, or run the scene anew",

@@ -46,7 +46,7 @@ pub(super) fn of(report: &Report) -> String {
             "ground force",
             match report.ground_force_ratio {
                 Some(ratio) => format!("{ratio:.6} of the weight in the last second"),
-                None => "none: no gravity".to_owned(),
+                None => "none: nothing has weight".to_owned(),
             },
         ),
         (

@@ -175,17 +175,17 @@ impl Region {
     /// kinematic body when something awake comes to touch it; what sleeps where bodies come awake is woken like that, too.
     ///
     /// Keeps asleep in the same way what sleeps beside copies that were given up or put elsewhere, and lets what is
-    /// awake beside those given up go on to fall asleep.
-    pub(super) fn wake_newcomers(&mut self) -> Vec<(RigidBodyHandle, SleepLimits)> {
+    /// awake there, and what came awake, go on to fall asleep.
+    pub(super) fn wake_newcomers(&mut self) -> Lulled {
         let (departed, left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
         let mut newcomers = std::mem::take(&mut self.born_asleep);
         newcomers.extend(&left);
         newcomers.retain(|&handle| self.world.bodies.get(handle).is_some_and(sleeps_still));
         newcomers.sort_unstable_by_key(|handle| handle.into_raw_parts());
         newcomers.dedup();
-        let awake = std::mem::take(&mut self.born_awake);
-        let awake = awake.into_iter().filter(|handle| self.world.bodies.contains(*handle));
-        let all: Vec<_> = newcomers.iter().copied().chain(awake).collect();
+        let mut awake = std::mem::take(&mut self.born_awake);
+        awake.retain(|handle| self.world.bodies.contains(*handle));
+        let all: Vec<_> = newcomers.iter().chain(&awake).copied().collect();
         if !all.is_empty() {
             let beside = self.sleepers_beside(&all);
             for &handle in &beside {
@@ -200,31 +200,47 @@ impl Region {
         if !departed.is_empty() {
             self.forget_departed(&departed, &left);
         }
-        self.lull(&newcomers)
+        let limits = self.lull(&newcomers);
+        Lulled { limits, still: self.still_for(left), came_still: self.still_for(awake) }
+    }
+
+    /// Returns for how long those of these bodies that are awake have been still, in seconds.
+    fn still_for(&self, mut handles: Vec<RigidBodyHandle>) -> Vec<(RigidBodyHandle, f32)> {
+        handles.sort_unstable_by_key(|handle| handle.into_raw_parts());
+        handles.dedup();
+        let still = handles.into_iter().filter_map(|handle| {
+            let body =
+                self.world.bodies.get(handle).filter(|body| body.is_dynamic() && !body.is_sleeping())?;
+            Some((handle, body.activation().time_since_can_sleep))
+        });
+        still.filter(|(_, still_s)| *still_s > 0.0).collect()
     }
 
     /// Puts a copy where other regions say that it is. What sleeps beside it without touching it sleeps on.
     pub(in crate::physics) fn put_copy(&mut self, handle: RigidBodyHandle, pose: Pose) {
-        self.leave_asleep_beside(handle);
+        self.leave_at_rest_beside(handle);
+        if !self.world.bodies[handle].is_sleeping() {
+            self.left.push(handle);
+        }
         self.world_mut().bodies[handle].set_position(pose, false);
     }
 
-    /// Keeps asleep what sleeps beside a body without touching it, when the coupling is about to change the body:
-    /// Rapier would wake it.
-    pub(super) fn leave_asleep_beside(&mut self, handle: RigidBodyHandle) {
+    /// Leaves a body at rest, with what is beside it, when the coupling is about to change it.
+    pub(super) fn leave_at_rest(&mut self, handle: RigidBodyHandle) {
+        self.left.push(handle);
+        self.leave_at_rest_beside(handle);
+    }
+
+    /// Keeps asleep what sleeps beside a body without touching it, when the coupling is about to change the body, and lets
+    /// what is awake beside it go on to fall asleep: Rapier would wake the one, and have the other begin anew to be still.
+    fn leave_at_rest_beside(&mut self, handle: RigidBodyHandle) {
         let mut beside = Vec::new();
         self.for_each_contact(handle, |other, touches| {
-            if !touches && self.world.bodies[other].is_sleeping() {
+            if !touches || !self.world.bodies[other].is_sleeping() {
                 beside.push(other);
             }
         });
         self.left.extend(beside);
-    }
-
-    /// Keeps a body asleep, with what sleeps beside it, when the coupling is about to change it: Rapier would wake them.
-    pub(super) fn leave_asleep(&mut self, handle: RigidBodyHandle) {
-        self.left.push(handle);
-        self.leave_asleep_beside(handle);
     }
 
     /// Has Rapier forget the contacts of colliders that were removed, as it would in the next step. It makes
@@ -282,9 +298,26 @@ impl Region {
         bodies.iter().filter_map(|&handle| Some((handle, lull(all.get_mut(handle)?)))).collect()
     }
 
-    /// Gives bodies back the limits within which they may sleep.
-    pub(super) fn restore_limits(&mut self, lulled: Vec<(RigidBodyHandle, SleepLimits)>) {
-        for (handle, limits) in lulled {
+    /// Gives bodies back the limits within which they may sleep, and the time for which they have been still, after a
+    /// step of this length.
+    pub(super) fn restore_limits(&mut self, lulled: Lulled, dt_s: f32) {
+        let still = lulled.still.into_iter().map(|(handle, still_s)| (handle, still_s, false));
+        let came = lulled.came_still.into_iter().map(|(handle, still_s)| (handle, still_s, true));
+        for (handle, still_s, came) in still.chain(came) {
+            let Some(body) = self.world.bodies.get_mut(handle).filter(|body| !body.is_sleeping()) else {
+                continue;
+            };
+            let (linear, angular) = (body.linvel().length(), body.angvel().length());
+            let activation = body.activation_mut();
+            let is_slow =
+                linear <= activation.normalized_linear_threshold && angular <= activation.angular_threshold;
+            // Rapier takes what came for moved. Else what has moved is not at rest, however slow it is.
+            let is_still = came || activation.time_since_can_sleep > 0.0;
+            if is_slow && is_still && activation.time_since_can_sleep <= dt_s {
+                activation.time_since_can_sleep = still_s + dt_s;
+            }
+        }
+        for (handle, limits) in lulled.limits {
             if let Some(body) = self.world.bodies.get_mut(handle) {
                 let activation = body.activation_mut();
                 activation.normalized_linear_threshold = limits.linear;
@@ -310,6 +343,15 @@ impl Region {
 /// Returns whether a body sleeps and is to stay where it is when it wakes: what flies on then would fly on now.
 fn sleeps_still(body: &RigidBody) -> bool {
     body.is_dynamic() && body.is_sleeping() && (body.linvel(), body.angvel()) == (Vector::ZERO, Vector::ZERO)
+}
+
+/// Bodies that are made to fall asleep in a step if nothing that is awake touches them, and those that are to go on to
+/// fall asleep, with the time for which they have been still, in seconds.
+#[derive(Default)]
+pub(super) struct Lulled {
+    pub(super) limits: Vec<(RigidBodyHandle, SleepLimits)>,
+    pub(super) still: Vec<(RigidBodyHandle, f32)>,
+    pub(super) came_still: Vec<(RigidBodyHandle, f32)>,
 }
 
 /// The limits within which a body may sleep: its speeds, in Rapier's units, and for how long it must be still.

@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::*;
 
+use super::awake::Lulled;
 use super::mass_splitting::MassSplit;
 use super::{BodyRef, Ownership, Region};
 use crate::physics::contact_listener::TouchListener;
@@ -91,9 +92,9 @@ impl Region {
         let (last, any_sleeps) = (silent_steps(kept.len()), !sleepers.is_empty());
         for step in 0..=last + usize::from(any_sleeps) {
             kept.iter().for_each(|(handle, was)| self.carry_on(*handle, was, parameters.dt));
-            let lulled = if step > last { self.lull(&sleepers) } else { Vec::new() };
+            let limits = if step > last { self.lull(&sleepers) } else { Vec::new() };
             self.world.step_with_events(&(), &TouchListener(&self.listener));
-            self.restore_limits(lulled);
+            self.restore_limits(Lulled { limits, ..Lulled::default() }, parameters.dt);
             for (handle, was) in &kept {
                 // Rapier wakes what is moved. In the step before, resting bodies hardly move.
                 let sleeper = was.is_sleeping() && was.is_dynamic();

@@ -116,7 +116,7 @@ impl Region {
         let mass_split = self.mass_split_mut(handle).expect("it is shared out from now on");
         mass_split.among = among;
         if std::mem::replace(&mut mass_split.parts, parts) != parts {
-            self.leave_asleep(handle);
+            self.leave_at_rest(handle);
             self.divide(handle, parts);
         }
         for joint in self.slot(handle).joints.clone() {

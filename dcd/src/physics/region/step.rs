@@ -41,7 +41,7 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.listener),
         }
-        self.restore_limits(woken);
+        self.restore_limits(woken, parameters.dt);
         let (awake, joints) = (self.world.islands.num_active_bodies(), self.world.impulse_joints.len());
         self.profile.note(start.elapsed(), &self.world.physics_pipeline.counters, awake, joints);
         self.note_solved(before.dt);

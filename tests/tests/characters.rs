@@ -329,6 +329,38 @@ fn whoever_rides_on_a_long_platform_goes_along_over_borders() {
     }
 }
 
+/// A raft that nothing else touches floats over borders, with somebody who stands before or behind its middle.
+#[test]
+fn whoever_stands_on_a_raft_goes_along_over_borders() {
+    let mut slips = Vec::new();
+    for speed in [1.0, 3.0, 6.0] {
+        for place_m in [-0.6, -0.35, -0.1, 0.0, 0.2, 0.45, 0.6] {
+            for (name, mut world) in worlds() {
+                let raft = RigidBodyBuilder::dynamic()
+                    .linvel(Vector::X * speed)
+                    .gravity_scale(0.0)
+                    .locked_axes(LockedAxes::ROTATION_LOCKED | LockedAxes::TRANSLATION_LOCKED_Y);
+                let deck = ColliderBuilder::cuboid(1.0, 0.25, 1.0).mass(1000.0);
+                let raft = world.insert_at(WorldPose::at([-3.0, 1.0, 0.3]), raft, [deck]).unwrap();
+                let id = walker(&mut world, [place_m - 3.0, 1.25 + STANDS_M, 0.3]);
+                run(&mut world, 10);
+                let off = |world: &World| place(world, id)[0] - place(world, raft)[0];
+                let before = off(&world);
+                let mut most: f64 = 0.0;
+                for _ in 0..(360.0 / speed) as usize {
+                    run(&mut world, 1);
+                    most = most.max((off(&world) - before).abs());
+                }
+                assert!(place(&world, raft)[0] > 1.5, "the test needs it to cross the border");
+                if most > 0.02 {
+                    slips.push(format!("{name}, {speed} m/s, {place_m} m from the middle: by {most} m"));
+                }
+            }
+        }
+    }
+    assert!(slips.is_empty(), "{} {slips:#?}", slips.len());
+}
+
 /// It shoves a long box aside that lies across the border, on which it walks along.
 #[test]
 fn it_keeps_its_distance_from_what_it_shoves_over_a_border() {

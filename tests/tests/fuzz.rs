@@ -218,7 +218,7 @@ fn said(mut log: std::fs::File) -> std::io::Result<String> {
 /// Tries `FUZZ_CHANGES` mutations of all targets together, from number `FUZZ_FROM` on, by `FUZZ_PROCESSES`
 /// processes at a time (default: one per core). Prints the progress after each share.
 #[test]
-#[ignore = "takes as long as one likes: hours for 100,000,000 changes"]
+#[ignore = "takes as long as one likes: forty minutes for 100,000,000 changes"]
 fn a_number_of_changes_by_many_processes() {
     let cores = || std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
     let total = asked("FUZZ_CHANGES").unwrap_or(100_000_000);

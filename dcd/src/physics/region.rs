@@ -99,6 +99,9 @@ pub struct Region {
     /// The characters held here.
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
+    /// The dynamic bodies that characters held here met in their last walk, in order of Rapier's handles.
+    #[serde(skip)]
+    walked_on: Vec<RigidBodyHandle>,
     quarantined: Vec<BodyId>,
     /// Says whether bodies were quarantined in silent steps: the first tick has to tell of these.
     #[serde(skip)]
@@ -198,6 +201,7 @@ impl Region {
             targets: KinematicTargets::default(),
             characters: BTreeMap::new(),
             vehicles: BTreeMap::new(),
+            walked_on: Vec::new(),
             quarantined: Vec::new(),
             quarantined_before: false,
             hooks: None,

@@ -91,8 +91,10 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     let halo_m = moment.partition.halo_m();
-    let flies =
-        launched.into_iter().filter(|link| flies_off(region, border, moment, *link, UNSEEN_TICKS, halo_m));
+    let flies = launched.into_iter().filter(|link| {
+        flies_off(region, border, moment, *link, UNSEEN_TICKS, halo_m)
+            || comes_near(region, border, moment, *link) && region.flies(link.handle, moment.settings.dt_s)
+    });
     let comes = appeared.into_iter().filter(|link| comes_near(region, border, moment, *link));
     for link in flies.chain(comes).collect::<Vec<_>>() {
         let tied = together(region, link).to_vec();
@@ -459,5 +461,77 @@ mod tests {
             }
         }
         assert!(unlike.is_empty(), "{} {unlike:#?}", unlike.len());
+    }
+
+    /// A ball with CCD sleeps or rests close to a free plate that stands over a border, and is set off at it some ticks
+    /// later. Returns whether it passes.
+    fn passes_a_plate(is_cut: bool, asleep: bool, waits: usize, aside_m: f32, gap_m: f32) -> bool {
+        let cuts = is_cut.then_some((Axis::Z, 0.0)).into_iter().collect();
+        let mut config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+        config.step.gravity = [0.0; 3];
+        let mut world = LocalWorld::new(config).unwrap();
+        let plate = RigidBodyBuilder::dynamic().translation(Vector::new(-0.23, 1.0, 0.0));
+        let plate = world.insert(plate, ColliderBuilder::cuboid(0.15, 1.0, 1.0)).unwrap();
+        let at = Vector::new(-0.76 - gap_m, 1.0, aside_m);
+        let ball = RigidBodyBuilder::dynamic().translation(at).ccd_enabled(true).sleeping(asleep);
+        let ball = world.insert(ball, ColliderBuilder::ball(0.38)).unwrap();
+        (0..waits).for_each(|_| world.step().unwrap());
+        world.update(ball, |body| body.set_linvel(Vector::X * 25.1, true)).unwrap();
+        (0..10).for_each(|_| world.step().unwrap());
+        world.pose(ball).unwrap().translation[0] > world.pose(plate).unwrap().translation[0]
+    }
+
+    #[test]
+    fn a_ball_that_rested_before_a_plate_on_a_border_does_not_pass_it_whenever_it_is_set_off() {
+        let mut passed = Vec::new();
+        for asleep in [false, true] {
+            for waits in 0..16 {
+                for aside_m in [-0.3, -0.1, 0.1, 0.3] {
+                    for gap_m in [0.04, 0.12, 0.2, 0.28] {
+                        let passes = |is_cut| passes_a_plate(is_cut, asleep, waits, aside_m, gap_m);
+                        if passes(true) && !passes(false) {
+                            passed.push(format!(
+                                "asleep {asleep}, after {waits}, {aside_m} m aside, {gap_m} m before"
+                            ));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(passed.is_empty(), "{} {passed:#?}", passed.len());
+    }
+
+    /// A kinematic box is made dynamic, and set off at a row of sleepers at the edge of four regions.
+    #[test]
+    fn a_body_that_is_made_dynamic_and_set_off_has_the_speed_that_it_was_given() {
+        let mut wrong = Vec::new();
+        for z in [0.3, 0.5, 0.7] {
+            for x in [1.5, 1.7, 1.9] {
+                for waits in [3, 10] {
+                    let cuts = vec![(Axis::X, 0.0), (Axis::Z, 0.0)];
+                    let mut config =
+                        WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+                    config.step.gravity = [0.0; 3];
+                    let mut world = LocalWorld::new(config).unwrap();
+                    for i in 0..3_i16 {
+                        let at = Vector::new(0.8 - 0.81 * f32::from(i), 1.0, z);
+                        let sleeper = RigidBodyBuilder::dynamic().translation(at).sleeping(true);
+                        world.insert(sleeper, ColliderBuilder::cuboid(0.4, 0.4, 0.4)).unwrap();
+                    }
+                    let at = Vector::new(x, 1.0, z);
+                    let body = RigidBodyBuilder::kinematic_velocity_based().translation(at).ccd_enabled(true);
+                    let id = world.insert(body, ColliderBuilder::cuboid(0.35, 0.35, 0.35)).unwrap();
+                    (0..waits).for_each(|_| world.step().unwrap());
+                    world.update(id, |body| body.set_body_type(RigidBodyType::Dynamic, true)).unwrap();
+                    world.update(id, |body| body.set_linvel(Vector::X * -15.0, true)).unwrap();
+                    world.step().unwrap();
+                    let speed = world.velocity(id).unwrap().linear[0];
+                    if speed < -15.01 {
+                        wrong.push(format!("{x}, {z}, after {waits}: {speed} m/s"));
+                    }
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "{} {wrong:#?}", wrong.len());
     }
 }

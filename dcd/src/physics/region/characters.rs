@@ -156,6 +156,7 @@ impl Region {
     /// they meet.
     pub(super) fn walk(&mut self, dt_s: f32) {
         let ids: Vec<_> = self.characters.keys().copied().collect();
+        self.walked_on.clear();
         for id in ids {
             let handle = self.by_id[&id];
             let Some(character) = self.slot(handle).traits.character else { continue };
@@ -168,10 +169,19 @@ impl Region {
             self.world.bodies[handle].set_linvel(walk.velocity, true);
             for met in &walk.met {
                 self.push_met(met, &character, &walk);
+                let body = self.world.colliders.get(met.collider).and_then(Collider::parent);
+                self.walked_on.extend(body.filter(|&body| self.world.bodies[body].is_dynamic()));
             }
             let gait = Gait { rise_m_s: walk.rise_m_s, grounded: walk.grounded, ..gait };
             self.characters.insert(id, Walking { gait, settled: true });
         }
+        self.walked_on.sort_unstable_by_key(|handle| handle.into_raw_parts());
+    }
+
+    /// Returns whether a character held here stands on a dynamic body, or met it in its last walk.
+    pub(in crate::physics) fn is_walked_on(&self, handle: RigidBodyHandle) -> bool {
+        let key = |handle: &RigidBodyHandle| handle.into_raw_parts();
+        self.walked_on.binary_search_by_key(&handle.into_raw_parts(), key).is_ok()
     }
 
     /// Returns the direction against gravity.

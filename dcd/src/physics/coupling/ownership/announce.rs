@@ -7,6 +7,7 @@ use rapier3d::prelude::RigidBodyHandle;
 
 use super::Decision;
 use super::membership::tell;
+use crate::physics::convert;
 use crate::physics::coupling::{Moment, Side, launch, predicted_contacts};
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::space::{BodyId, RegionSet};
@@ -123,6 +124,10 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef, more: RegionSet) {
         // struck or stopped, where islands move whole at all.
         let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
         let warming = if whole || follows { holders } else { RegionSet::EMPTY };
+        if let Some(shared) = border.shared.get_mut(handle) {
+            // What its user has changed since the last step is in the record: it is owed to nobody.
+            shared.own.velocity = convert::velocity_of(&region.physics().bodies[handle]);
+        }
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {

@@ -62,8 +62,10 @@ pub(super) fn decide_on(
         let noticed = shared.settled > NOTICE_TICKS;
         let needless = noticed && !held.without(desired.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
-        // A kinematic body may carry other regions' bodies which its new owner has not received yet.
-        if shared.idle > if desired.pressed || carries { KEEP_TICKS } else { 0 } {
+        // A kinematic body may carry other regions' bodies which its new owner has not received yet, and a character may
+        // stand on the body there.
+        let is_trodden = region.is_walked_on(link.handle);
+        if shared.idle > if desired.pressed || carries || is_trodden { KEEP_TICKS } else { 0 } {
             members = desired.holders.union(own);
         }
         ready = (desired.ready || flies)
@@ -91,7 +93,8 @@ pub(super) fn decide_on(
         } else if warming.contains(owner) {
             warming.remove(owner);
             // Nothing that stays here touches it.
-            if counts == own && (desired.whole || !touches_any(region, link.handle)) {
+            let is_left = desired.whole || !touches_any(region, link.handle);
+            if counts == own && is_left && !region.is_walked_on(link.handle) {
                 members = RegionSet::only(owner);
             }
         }
@@ -126,9 +129,11 @@ fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
 
 /// Returns whether a body can be transferred at once without loss: it is dynamic and awake, no other region holds
 /// it, nothing touches it or is tied to it, and it is in no sensor. A character would stand still in its first
-/// tick there, and what a platform carries may stay here: their new owner holds them first.
+/// tick there, and what a platform carries may stay here, as may a character that stands on the body: their new owner
+/// holds them first.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let body = &region.physics().bodies[handle];
     let is_free = region.slot(handle).holders.is_empty() && !region.is_pressed(handle);
-    body.is_dynamic() && !body.is_sleeping() && is_free && !region.is_sensed(handle)
+    let is_apart = !region.is_sensed(handle) && !region.is_walked_on(handle);
+    body.is_dynamic() && !body.is_sleeping() && is_free && is_apart
 }

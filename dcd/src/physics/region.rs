@@ -122,6 +122,9 @@ pub struct Region {
     launched: Vec<BodyRef>,
     /// Bodies of its own that their user has put elsewhere since the last step, or has let touch what they did not.
     appeared: Vec<BodyRef>,
+    /// Bodies that are not dynamic and that have been inserted since the last step, or that their user has put elsewhere
+    /// or has let touch what they did not; some may be gone again.
+    obstacles: Vec<RigidBodyHandle>,
     /// The tick from which on the coupling must check each body again for nearness to a border, by Rapier's
     /// body index. Kept apart from the slots, so that passing over a body far from any border touches four
     /// bytes.
@@ -212,6 +215,7 @@ impl Region {
             fresh: Vec::new(),
             launched: Vec::new(),
             appeared: Vec::new(),
+            obstacles: Vec::new(),
             due: Vec::new(),
             step_us: 0.0,
             mean_step_us: 0.0,
@@ -410,6 +414,7 @@ impl Region {
         if self.slot(handle).role == Ownership::Owner {
             self.appeared.push(BodyRef { id: self.slot(handle).id, handle });
         }
+        self.obstacles.push(handle);
     }
 
     /// Returns the awake bodies that the coupling must check in a tick: those whose rest is over, and those that are faster
@@ -429,7 +434,7 @@ impl Region {
         way_m > self.leap_m(handle) && way_m.is_finite()
     }
 
-    /// Returns the way in a tick beyond which a body flies, metres: a quarter of its radius.
+    /// Returns the way in a tick beyond which a body flies, metres: a tenth of its radius.
     pub(super) fn leap_m(&self, handle: RigidBodyHandle) -> f32 {
         0.1 * self.slot(handle).reach_m
     }

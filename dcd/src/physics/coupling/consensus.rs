@@ -115,13 +115,14 @@ fn agree_on(
         return Disagreement::default();
     }
     let (pose, velocity) = mean(copies);
-    let (leap_m, tick_s) = (region.leap_m(link.handle), moment.settings.dt_s);
+    // Copies with a part of the mass differ by as much as slower ones are stopped by.
+    let (reach_m, tick_s) = (region.slot(link.handle).reach_m, moment.settings.dt_s);
     // The other regions may not hold what one copy met.
     let stopped = |copy: &CopyState| {
-        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, leap_m, tick_s);
+        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, tick_s);
         copies().map(behind_um).max().unwrap_or(0)
     };
-    let is_fast = copies().any(|copy| way_m(copy, tick_s) > leap_m);
+    let is_fast = copies().any(|copy| way_m(copy, tick_s) > reach_m);
     let last = copies().filter(|_| is_fast).max_by_key(|copy| stopped(copy));
     let pose = last.filter(|copy| stopped(copy) > 0).map_or(pose, |copy| copy.pose);
     let count = copies().count() as f32;

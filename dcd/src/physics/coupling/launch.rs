@@ -86,7 +86,7 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
     }
     let is_here = |link: &BodyRef| region.role_of(link.handle) == Some((link.id, Ownership::Owner));
     let outruns = |link: &BodyRef| is_here(link) && outruns(region, moment, *link, region.rank());
-    let any_outruns = launched.iter().any(outruns);
+    let any_outruns = launched.iter().chain(&appeared).any(outruns);
     // Some of the tied bodies may be gone.
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
@@ -120,6 +120,7 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     let is_held = |link: &BodyRef| {
         // A body that a joint ties to it would not wait.
         flies_off(region, border, moment, *link, 1.0, moment.partition.halo_m())
+            && region.physics().bodies[link.handle].is_dynamic()
             && region.joints_of(link.handle).next().is_none()
     };
     let held: Vec<_> = region.fresh().filter(is_held).collect();
@@ -168,7 +169,9 @@ pub(super) fn flies_off(
 /// Where it flies those that hold it count, too: they might drop it in this tick.
 fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRef) -> bool {
     let BodyRef { id, handle } = link;
-    if region.role_of(handle) != Some((id, Ownership::Owner)) || region.is_articulated(handle) {
+    let is_here =
+        region.physics().bodies.contains(handle) && region.role_of(handle) == Some((id, Ownership::Owner));
+    if !is_here || region.is_articulated(handle) {
         return false;
     }
     let (ahead_s, margin_m) = (UNSEEN_TICKS * moment.settings.dt_s, moment.partition.halo_m());

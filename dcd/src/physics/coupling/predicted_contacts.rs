@@ -61,7 +61,7 @@ pub(super) struct PredictedContacts {
     inner: (Vector, Vector),
     /// The velocities, when they were last looked at, of bodies owned here that were fast, in order of Rapier's handles.
     flying: Vec<(RigidBodyHandle, Vector)>,
-    /// Bodies whose velocity has just changed by more than their own radius per tick.
+    /// Bodies whose velocity has just changed so much that they fly.
     #[serde(skip)]
     pub sudden: Vec<BodyRef>,
     /// Scratch lists by rank.

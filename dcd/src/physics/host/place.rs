@@ -142,7 +142,7 @@ impl RegionHost {
         let places = self.places_of(id);
         let mut held = self.statics.remove(id);
         for place in places {
-            held |= self.sides[place].region.remove(id);
+            held |= self.sides[place].region.take_away(id);
         }
         // Joints may wait for it in regions that never held it.
         for Side { region, .. } in &mut self.sides {

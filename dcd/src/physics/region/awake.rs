@@ -10,6 +10,8 @@ use crate::space::JointId;
 
 /// The distance, metres, up to which a sleeper may touch a newcomer.
 const BESIDE_M: f32 = 0.05;
+/// The depth, metres, from which on a sleeper does not just lie on another body.
+const DEEP_M: f32 = 0.02;
 
 impl Region {
     /// Returns the bodies that do not sleep, in no order and some more than once. Rapier's list of active
@@ -89,28 +91,43 @@ impl Region {
         }
     }
 
-    /// Wakes what sleeps where its user has put a body that is not dynamic, or has let it touch. Seen with Rapier 0.36.1:
-    /// such a sleeper wakes without that contact, and stays in the other body.
+    /// Wakes what a body touches, or joints tie to it, when its user takes it away or changes it. Rapier would do so in the
+    /// next step, and what is made to sleep there might sleep on.
+    pub(in crate::physics) fn wake_touching(&mut self, handle: RigidBodyHandle) {
+        let mut touching = Vec::new();
+        self.for_each_contact(handle, |other, touches| {
+            if touches {
+                touching.push(other);
+            }
+        });
+        touching.into_iter().for_each(|other| self.wake(other));
+    }
+
+    /// Wakes what sleeps where a body that is not dynamic has been put, or let touch it. Seen with Rapier 0.36.1: such a
+    /// sleeper wakes without that contact, and stays in the other body.
     fn wake_what_is_hit(&mut self) {
         let mut hit = Vec::new();
-        for &handle in &self.touched {
+        for handle in std::mem::take(&mut self.obstacles) {
             let Some(body) = self.world.bodies.get(handle) else { continue };
             if body.is_dynamic() || !body.is_enabled() {
                 continue;
             }
-            for &collider in body.colliders() {
-                let collider = &self.world.colliders[collider];
+            let solid = body.colliders().iter().map(|&own| &self.world.colliders[own]);
+            for collider in solid.filter(|own| !own.is_sensor() && own.is_enabled()) {
                 let place = super::moved::place(body, collider);
                 let bounds = collider.shape().compute_aabb(&place);
-                let sleepers = self.world.intersect_aabb_conservative(bounds, QueryFilter::only_dynamic());
-                let sleepers = sleepers.filter(|(_, other)| !collider.is_sensor() && !other.is_sensor());
-                for (_, other) in sleepers {
-                    let parent = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
-                    let meets = || {
-                        let shapes = (collider.shape(), other.shape());
-                        parry3d::query::intersection_test(&place, shapes.0, other.position(), shapes.1)
+                let near = self.world.intersect_aabb_conservative(bounds, QueryFilter::only_dynamic());
+                let meets = |other: &Collider| {
+                    !other.is_sensor() && collider.collision_groups().test(other.collision_groups())
+                };
+                for (_, other) in near.filter(|(_, other)| meets(other)) {
+                    let sleeper = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
+                    let shapes = (collider.shape(), other.shape());
+                    let is_in = || {
+                        let met = parry3d::query::contact(&place, shapes.0, other.position(), shapes.1, 0.0);
+                        met.is_ok_and(|met| met.is_some_and(|met| met.dist < -DEEP_M))
                     };
-                    hit.extend(parent.filter(|_| meets().is_ok_and(|found| found.intersecting)));
+                    hit.extend(sleeper.filter(|_| is_in()));
                 }
             }
         }
@@ -178,6 +195,7 @@ impl Region {
     /// awake there, and what came awake, go on to fall asleep.
     pub(super) fn wake_newcomers(&mut self) -> Lulled {
         let (departed, left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
+        let still = self.still_for(left.clone());
         let mut newcomers = std::mem::take(&mut self.born_asleep);
         newcomers.extend(&left);
         newcomers.retain(|&handle| self.world.bodies.get(handle).is_some_and(sleeps_still));
@@ -201,7 +219,7 @@ impl Region {
             self.forget_departed(&departed, &left);
         }
         let limits = self.lull(&newcomers);
-        Lulled { limits, still: self.still_for(left), came_still: self.still_for(awake) }
+        Lulled { limits, still, came_still: self.still_for(awake) }
     }
 
     /// Returns for how long those of these bodies that are awake have been still, in seconds.
@@ -301,6 +319,17 @@ impl Region {
     /// Gives bodies back the limits within which they may sleep, and the time for which they have been still, after a
     /// step of this length.
     pub(super) fn restore_limits(&mut self, lulled: Lulled, dt_s: f32) {
+        for (handle, limits) in lulled.limits {
+            if let Some(body) = self.world.bodies.get_mut(handle) {
+                let activation = body.activation_mut();
+                activation.normalized_linear_threshold = limits.linear;
+                activation.angular_threshold = limits.angular;
+                activation.time_until_sleep = limits.still_s;
+                if activation.sleeping {
+                    activation.time_since_can_sleep = limits.still_s;
+                }
+            }
+        }
         let still = lulled.still.into_iter().map(|(handle, still_s)| (handle, still_s, false));
         let came = lulled.came_still.into_iter().map(|(handle, still_s)| (handle, still_s, true));
         for (handle, still_s, came) in still.chain(came) {
@@ -315,17 +344,6 @@ impl Region {
             let is_still = came || activation.time_since_can_sleep > 0.0;
             if is_slow && is_still && activation.time_since_can_sleep <= dt_s {
                 activation.time_since_can_sleep = still_s + dt_s;
-            }
-        }
-        for (handle, limits) in lulled.limits {
-            if let Some(body) = self.world.bodies.get_mut(handle) {
-                let activation = body.activation_mut();
-                activation.normalized_linear_threshold = limits.linear;
-                activation.angular_threshold = limits.angular;
-                activation.time_until_sleep = limits.still_s;
-                if activation.sleeping {
-                    activation.time_since_can_sleep = limits.still_s;
-                }
             }
         }
     }
@@ -881,5 +899,32 @@ mod tests {
             }
         }
         assert!(restless.is_empty(), "{} {restless:#?}", restless.len());
+    }
+
+    /// What sleeps on a ledge is left without it, and in the same tick a ball comes beside it.
+    #[test]
+    fn what_slept_on_a_ledge_that_is_taken_away_falls_whatever_comes_beside_it() {
+        use crate::protocol::WorldPose;
+        use crate::runtime::{LocalWorld, WorldConfig};
+        for way in ["removed", "moved"] {
+            let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+            let at = |y: f32| Vector::new(0.0, y, 0.0);
+            let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+            let ledge = RigidBodyBuilder::kinematic_position_based().translation(at(-0.5));
+            let ledge = world.insert(ledge, cube.clone()).unwrap();
+            let id = world.insert(RigidBodyBuilder::dynamic().translation(at(0.5)), cube).unwrap();
+            (0..200).for_each(|_| world.step().unwrap());
+            assert!(world.body(id).unwrap().is_sleeping());
+            match way {
+                "removed" => world.remove(ledge).unwrap(),
+                _ => world.set_pose(ledge, WorldPose::at([0.0, -9.0, 0.0])).unwrap(),
+            }
+            let beside =
+                RigidBodyBuilder::dynamic().translation(Vector::new(0.84, 0.5, 0.0)).gravity_scale(0.0);
+            world.insert(beside, ColliderBuilder::ball(0.3)).unwrap();
+            (0..30).for_each(|_| world.step().unwrap());
+            let y = world.pose(id).unwrap().translation[1];
+            assert!(y < 0.0, "{way}: {y} m");
+        }
     }
 }

@@ -75,6 +75,9 @@ impl Region {
             self.moved = found;
         } else {
             self.note_appearance(handle);
+            if !self.world.bodies[handle].is_dynamic() {
+                self.wake_touching(handle);
+            }
             self.touch_only(handle, found);
         }
         result
@@ -230,6 +233,7 @@ impl Region {
         // What it lay on, it may no longer touch.
         if wakes && changed.is_ok() {
             self.wake(handle);
+            self.wake_touching(handle);
             self.note_appearance(handle);
         }
         Some(changed)

@@ -73,6 +73,7 @@ impl Region {
         self.put_to_sleep.clear();
         self.born_asleep.clear();
         self.born_awake.clear();
+        self.obstacles.clear();
         self.departed.clear();
         self.left.clear();
         sleepers.iter().for_each(|handle| self.world.bodies[*handle].wake_up(false));

@@ -91,6 +91,7 @@ impl Region {
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
+        self.obstacles.push(handle);
         match role {
             _ if body.state.sleeping => self.born_asleep.push(handle),
             Ownership::Immovable => {}
@@ -145,6 +146,14 @@ impl Region {
         self.slots[handle.into_raw_parts().0 as usize] = None;
         self.unlist(id);
         true
+    }
+
+    /// Removes a body that its user takes out of the world, and wakes what it touched. Returns whether it was held here.
+    pub(in crate::physics) fn take_away(&mut self, id: BodyId) -> bool {
+        if let Some(&handle) = self.by_id.get(&id) {
+            self.wake_touching(handle);
+        }
+        self.remove(id)
     }
 
     /// Removes a body that other regions go on to hold. What lies beside it goes on to sleep, or to fall asleep:

@@ -53,7 +53,7 @@ use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
 use crate::fidelity::Signals;
-use crate::protocol::{BodyTraits, ContactForce, JointRecord, RegionEvents};
+use crate::protocol::{BodyKind, BodyTraits, ContactForce, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
 #[cfg(test)]
@@ -99,7 +99,7 @@ pub struct Region {
     /// The characters held here.
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
-    /// The dynamic bodies that characters held here met in their last walk, in order of Rapier's handles.
+    /// The dynamic bodies that characters held here stood on in their last walk, in order of Rapier's handles.
     #[serde(skip)]
     walked_on: Vec<RigidBodyHandle>,
     quarantined: Vec<BodyId>,
@@ -414,7 +414,9 @@ impl Region {
         if self.slot(handle).role == Ownership::Owner {
             self.appeared.push(BodyRef { id: self.slot(handle).id, handle });
         }
-        self.obstacles.push(handle);
+        if self.slot(handle).traits.kind != BodyKind::Dynamic {
+            self.obstacles.push(handle);
+        }
     }
 
     /// Returns the awake bodies that the coupling must check in a tick: those whose rest is over, and those that are faster
@@ -434,9 +436,9 @@ impl Region {
         way_m > self.leap_m(handle) && way_m.is_finite()
     }
 
-    /// Returns the way in a tick beyond which a body flies, metres: a tenth of its radius.
+    /// Returns the way in a tick beyond which a body flies, metres: a quarter of its radius.
     pub(super) fn leap_m(&self, handle: RigidBodyHandle) -> f32 {
-        0.1 * self.slot(handle).reach_m
+        0.25 * self.slot(handle).reach_m
     }
 
     /// Exempts a body from checks until a tick, unless it is changed.

@@ -43,7 +43,7 @@ pub enum Why {
 impl std::fmt::Display for Why {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         to.write_str(match self {
-            Self::Asked => "asked for, by an option or the scene",
+            Self::Asked => "asked for",
             Self::Exact => "one region is exact, and all threads work in it",
             Self::Spread => "bodies lie too far apart for the f32 of one region",
             Self::Balance => "from one region on, the balance decides",

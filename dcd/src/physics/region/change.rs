@@ -75,7 +75,7 @@ impl Region {
             self.moved = found;
         } else {
             self.note_appearance(handle);
-            if !self.world.bodies[handle].is_dynamic() {
+            if self.slot(handle).traits.kind != BodyKind::Dynamic {
                 self.wake_touching(handle);
             }
             self.touch_only(handle, found);
@@ -167,7 +167,7 @@ impl Region {
     ) -> Option<Result<R, ShapeError>> {
         let collider = *self.world.bodies[handle].colliders().get(index)?;
         self.touch(handle);
-        let mut wakes = false;
+        let (mut wakes, mut appears) = (false, false);
         let changed = self.change_colliders_whole(handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             region.stirred = true;
@@ -186,9 +186,9 @@ impl Region {
             if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
             }
-            let holds = |own: &ColliderRecord| (own.shape, own.pose, own.enabled, own.sensor);
-            let meets = |own: &ColliderRecord| (own.collision_groups, own.solver_groups, own.collision_types);
-            wakes = (holds(&new), meets(&new)) != (holds(old), meets(old));
+            wakes = (new.shape, new.pose, new.enabled) != (old.shape, old.pose, old.enabled);
+            let meets = |own: &ColliderRecord| (own.sensor, own.collision_groups, own.solver_groups);
+            appears = wakes || meets(&new) != meets(old);
             if new != *old {
                 let traits = Arc::make_mut(&mut slot.traits);
                 let old = std::mem::replace(&mut traits.colliders[index], new);
@@ -233,7 +233,8 @@ impl Region {
         // What it lay on, it may no longer touch.
         if wakes && changed.is_ok() {
             self.wake(handle);
-            self.wake_touching(handle);
+        }
+        if appears && changed.is_ok() {
             self.note_appearance(handle);
         }
         Some(changed)

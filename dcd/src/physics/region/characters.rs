@@ -170,7 +170,8 @@ impl Region {
             for met in &walk.met {
                 self.push_met(met, &character, &walk);
                 let body = self.world.colliders.get(met.collider).and_then(Collider::parent);
-                self.walked_on.extend(body.filter(|&body| self.world.bodies[body].is_dynamic()));
+                let body = body.filter(|&body| self.world.bodies[body].is_dynamic() && self.stands_on(met));
+                self.walked_on.extend(body);
             }
             let gait = Gait { rise_m_s: walk.rise_m_s, grounded: walk.grounded, ..gait };
             self.characters.insert(id, Walking { gait, settled: true });
@@ -178,7 +179,12 @@ impl Region {
         self.walked_on.sort_unstable_by_key(|handle| handle.into_raw_parts());
     }
 
-    /// Returns whether a character held here stands on a dynamic body, or met it in its last walk.
+    /// Returns whether a character that met this stands on it: it slopes by less than half.
+    fn stands_on(&self, met: &Met) -> bool {
+        met.normal.dot(self.up()) > 0.5
+    }
+
+    /// Returns whether a character held here stood on a dynamic body in its last walk.
     pub(in crate::physics) fn is_walked_on(&self, handle: RigidBodyHandle) -> bool {
         let key = |handle: &RigidBodyHandle| handle.into_raw_parts();
         self.walked_on.binary_search_by_key(&handle.into_raw_parts(), key).is_ok()
@@ -324,10 +330,9 @@ impl Region {
             return;
         }
         let hit = faster_m_s / (lightness + character.mass_kg.recip());
-        // It stands on what slopes less than by half. A light body need not take all of the weight, so that a
-        // character does not throw down what falls away from below it.
-        let stands = met.normal.dot(self.up()) > 0.5;
-        let weight = if stands { character.mass_kg * walk.weight_m_s } else { 0.0 };
+        // A light body need not take all of the weight, so that a character does not throw down what falls away
+        // from below it.
+        let weight = if self.stands_on(met) { character.mass_kg * walk.weight_m_s } else { 0.0 };
         let impulse = hit.max(weight.min(MOST_BY_WEIGHT_M_S / lightness)) / share;
         if impulse.is_finite() && impulse > 0.0 {
             self.world_mut().bodies[handle].apply_impulse_at_point(into * impulse, met.point, true);

@@ -10,7 +10,7 @@ use super::{BodyRef, Ownership, Region, Slot, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyRecord, JointRecord};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, Epoch, RegionSet};
 
 impl Region {
@@ -91,7 +91,9 @@ impl Region {
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
-        self.obstacles.push(handle);
+        if self.slot(handle).traits.kind != BodyKind::Dynamic {
+            self.obstacles.push(handle);
+        }
         match role {
             _ if body.state.sleeping => self.born_asleep.push(handle),
             Ownership::Immovable => {}

@@ -23,10 +23,6 @@ const STILL_M_S: f32 = 0.05;
 const STILL_RAD_S: f32 = 0.1;
 const MOVED_M: f32 = 2e-3;
 const TURNED_RAD: f32 = 2e-3;
-/// Displacements up to which a pose counts as the one that a copy has: copies that move alike differ by as
-/// much, since each region rounds in its own frame. A pose that is written wakes whatever sleeps beside it.
-const ROUNDED_M: f32 = 1e-5;
-const ROUNDED_RAD: f32 = 1e-5;
 /// The distance from their mean up to which copies with a part of the mass are left alone. Friction may hold
 /// them there, and drawing what is held would wind up the memory of forces until it slips.
 const SLACK_M: f32 = 1e-3;
@@ -325,8 +321,6 @@ fn write(region: &mut Region, link: BodyRef, pose: &WorldPose, velocity: &Veloci
     let moved_m = (pose.translation - body.translation()).length();
     let turned_rad = turned_rad(pose.rotation, *body.rotation());
     let moved = moved_m >= MOVED_M || turned_rad >= TURNED_RAD;
-    let rounded_m = ROUNDED_M + 2.0 * f32::EPSILON * pose.translation.length();
-    let stays = moved_m <= rounded_m && turned_rad <= ROUNDED_RAD;
     if body.is_sleeping() {
         if moved_m >= MOVED_M || linear.length() > WAKE_M_S || angular.length() > WAKE_RAD_S {
             region.put_copy(link.handle, pose);
@@ -340,7 +334,7 @@ fn write(region: &mut Region, link: BodyRef, pose: &WorldPose, velocity: &Veloci
     let body = &mut region.world_mut().bodies[link.handle];
     body.set_linvel(linear, false);
     body.set_angvel(angular, false);
-    if moved || !stays && (linear.length() >= STILL_M_S || angular.length() >= STILL_RAD_S) {
+    if moved || linear.length() >= STILL_M_S || angular.length() >= STILL_RAD_S {
         region.put_copy(link.handle, pose);
     }
 }

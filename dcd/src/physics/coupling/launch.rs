@@ -178,6 +178,10 @@ fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRe
     let near = on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
     let own = RegionSet::only(region.rank());
     let flies = region.flies(handle, moment.settings.dt_s);
+    // What its user moves in each tick is held by whom it is about to touch.
+    if !flies && !region.physics().bodies[handle].is_dynamic() {
+        return false;
+    }
     let held = if flies { own } else { region.slot(handle).holders.union(own) };
     !near.without(held).is_empty()
 }

@@ -21,6 +21,7 @@ mod profile;
 mod put;
 mod read;
 mod refine;
+mod sleepers;
 mod slot;
 mod step;
 mod ties;

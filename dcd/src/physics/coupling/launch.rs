@@ -32,7 +32,8 @@ pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
 }
 
 /// Returns the regions to whose cells a body, or what joints tie it to, comes within a time, within a margin, and those
-/// whose bodies reach out of their cells to its way, as far as they have said so here. One that is behind the present time takes in no body, and is not waited for.
+/// whose bodies reach out of their cells to its way, as far as they have said so here. One that is behind the present
+/// time takes in no body, and is not waited for.
 pub(super) fn on_its_way(
     region: &Region,
     border: &Border,
@@ -90,13 +91,11 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) -> bool {
     // Some of the tied bodies may be gone.
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
-    let halo_m = moment.partition.halo_m();
-    let flies = launched.into_iter().filter(|link| {
-        flies_off(region, border, moment, *link, UNSEEN_TICKS, halo_m)
-            || comes_near(region, border, moment, *link) && region.flies(link.handle, moment.settings.dt_s)
-    });
-    let comes = appeared.into_iter().filter(|link| comes_near(region, border, moment, *link));
-    for link in flies.chain(comes).collect::<Vec<_>>() {
+    let flies = |link: &BodyRef| region.flies(link.handle, moment.settings.dt_s);
+    let near = |link: &BodyRef| comes_near(region, border, moment, *link);
+    let launched = launched.into_iter().filter(|link| near(link) && flies(link));
+    let found: Vec<_> = launched.chain(appeared.into_iter().filter(near)).collect();
+    for link in found {
         let tied = together(region, link).to_vec();
         for link in tied.into_iter().chain([link]).filter(|link| known.insert(link.id)) {
             // Its island, or what that island comes to meet, may not lie in one region.
@@ -120,7 +119,6 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     let is_held = |link: &BodyRef| {
         // A body that a joint ties to it would not wait.
         flies_off(region, border, moment, *link, 1.0, moment.partition.halo_m())
-            && region.physics().bodies[link.handle].is_dynamic()
             && region.joints_of(link.handle).next().is_none()
     };
     let held: Vec<_> = region.fresh().filter(is_held).collect();
@@ -157,7 +155,7 @@ pub(super) fn flies_off(
     let Some(body) = held.filter(|_| region.role_of(handle) == Some((id, Ownership::Owner))) else {
         return false;
     };
-    !body.is_fixed()
+    body.is_dynamic()
         && !region.is_articulated(handle)
         && region.slot(handle).holders.is_empty()
         && region.flies(handle, tick_s)
@@ -174,14 +172,14 @@ fn comes_near(region: &Region, border: &Border, moment: Moment<'_>, link: BodyRe
     if !is_here || region.is_articulated(handle) {
         return false;
     }
-    let (ahead_s, margin_m) = (UNSEEN_TICKS * moment.settings.dt_s, moment.partition.halo_m());
-    let near = on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
-    let own = RegionSet::only(region.rank());
     let flies = region.flies(handle, moment.settings.dt_s);
     // What its user moves in each tick is held by whom it is about to touch.
     if !flies && !region.physics().bodies[handle].is_dynamic() {
         return false;
     }
+    let own = RegionSet::only(region.rank());
+    let (ahead_s, margin_m) = (UNSEEN_TICKS * moment.settings.dt_s, moment.partition.halo_m());
+    let near = on_its_way(region, border, moment.partition, link, ahead_s, margin_m);
     let held = if flies { own } else { region.slot(handle).holders.union(own) };
     !near.without(held).is_empty()
 }
@@ -388,7 +386,7 @@ mod tests {
         }
     }
 
-    /// How a box comes to hit another one that another region owns.
+    /// Says how a box comes to hit another one that another region owns.
     #[derive(Clone, Copy, Debug)]
     enum Set {
         Off,

@@ -18,7 +18,8 @@ use crate::space::{BodyId, JointId};
 
 impl RegionHost {
     /// Sets how the world is stepped from the next tick on. If gravity is another, wakes what sleeps, and has what is
-    /// still begin anew to be so. The host must compute every region. The coupling, its exchanges, depth and island limit stay as they are.
+    /// still begin anew to be so. The host must compute every region. The coupling, its exchanges, depth and island limit
+    /// stay as they are.
     pub fn set_settings(&mut self, settings: StepSettings) {
         let StepSettings { coupling, exchanges, depth, island_limit, .. } = self.settings;
         let former = self.settings.gravity;

@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::*;
 
-use super::awake::Lulled;
 use super::mass_splitting::MassSplit;
+use super::sleepers::Lulled;
 use super::{BodyRef, Ownership, Region};
 use crate::physics::contact_listener::TouchListener;
 use crate::protocol::{Check, ContactOffset};

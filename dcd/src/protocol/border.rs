@@ -287,20 +287,24 @@ impl BorderMessage {
     /// Extrapolates all bodies in the message by `seconds` at their velocities (dead reckoning, thesis
     /// 3.3.11).
     pub fn extrapolate(&mut self, seconds: f64) {
-        let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {
-            if !sleeping {
-                *pose = pose.moved(velocity, seconds);
-            }
-        };
-        // Contact poses hold only for the tick in which the message was sent.
+        self.carry_forward(|_, pose, velocity| *pose = pose.moved(velocity, seconds));
+    }
+
+    /// Applies a change to the pose and velocity of each body in the message that does not sleep, and forgets what
+    /// holds only for the tick in which the message was sent.
+    pub(crate) fn carry_forward(&mut self, mut change: impl FnMut(BodyId, &mut WorldPose, &mut Velocity)) {
         self.contact_poses.clear();
-        for SharedState { pose, velocity, sleeping, .. } in &mut self.states {
-            ahead(pose, velocity, *sleeping);
+        for SharedState { id, pose, velocity, sleeping, .. } in &mut self.states {
+            if !*sleeping {
+                change(*id, pose, velocity);
+            }
         }
         let bodies =
             self.replicas.iter_mut().chain(self.transfers.iter_mut().map(|transfer| &mut transfer.body));
-        for BodyRecord { state, .. } in bodies {
-            ahead(&mut state.pose, &state.velocity, state.sleeping);
+        for BodyRecord { id, state, .. } in bodies {
+            if !state.sleeping {
+                change(*id, &mut state.pose, &mut state.velocity);
+            }
         }
     }
 

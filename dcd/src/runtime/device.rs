@@ -272,9 +272,8 @@ impl PhysicsDevice {
         }
     }
 
-    /// Accepts border messages. States of earlier ticks are extrapolated to this one.
+    /// Accepts border messages. States of earlier ticks are carried forward to this one.
     fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
-        let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.step.dt_s));
         for message in &incoming {
             let bodies = message.replicas.iter().map(|body| body.id);
             let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
@@ -286,11 +285,11 @@ impl PhysicsDevice {
             self.arriving.extend(taken.map(|body| (body.id, body.epoch, message.tick)));
         }
         let host = self.host.as_mut().expect("a world comes before commands");
-        for mut message in incoming {
-            if message.tick < tick {
-                message.extrapolate((tick.0 - message.tick.0) as f64 * dt_s);
+        for message in incoming {
+            match message.tick < tick {
+                true => host.accept_late(message, tick),
+                false => host.accept(message),
             }
-            host.accept(message);
         }
     }
 

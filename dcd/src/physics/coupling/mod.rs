@@ -20,6 +20,7 @@ mod consensus;
 mod ghosts;
 mod halo;
 mod island;
+mod late;
 mod launch;
 mod leader;
 mod neighbours;
@@ -142,6 +143,11 @@ impl Side {
         self.border
             .neighbours
             .in_round(|rank| moment.is_due(pace.exchanges_among(own.union(RegionSet::only(rank)))))
+    }
+
+    /// Carries what a message of an earlier tick says forward to the present one.
+    pub(super) fn carry_forward(&mut self, message: &mut BorderMessage, now: Tick, dt_s: f32) {
+        self.border.late.carry_forward(&self.region, message, now, dt_s);
     }
 
     /// Returns the regions that must be at the same time as this one: those with which it shares bodies, or
@@ -327,6 +333,7 @@ pub(super) struct Border {
     /// The disagreement of copies in the last exchange, by rank of the other region, m/s; `None` where
     /// nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
+    late: late::Late,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
     /// Bodies that are held in place in this tick, with the velocities that they get back: see

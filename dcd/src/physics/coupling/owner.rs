@@ -24,8 +24,9 @@ const WAKE_M_S: f32 = 0.05;
 
 /// Sends the states of owned bodies to their holders, and the changes of holders and owners.
 pub(super) fn gather(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
-    let Side { region, outbox, .. } = side;
+    let Side { region, border, outbox, .. } = side;
     outbox.clear(tick);
+    border.late.look_back(region, tick, dt_s);
     region.update_assemblies();
     tell_states(region, outbox);
     tell_wakes(region, outbox);
@@ -47,6 +48,7 @@ pub(super) fn apply<'a>(
         hear_owners(region, &message.members);
         ghosts::depart(region, message, sender);
     }
+    border.late.look_ahead(region);
     Ok(())
 }
 

@@ -9,6 +9,7 @@ use crate::physics::outbox::Outbox;
 use crate::physics::owner_index::Home;
 use crate::physics::region::Region;
 use crate::protocol::{BorderMessage, Handover};
+use crate::space::Tick;
 
 impl RegionHost {
     /// Returns the messages of regions here to regions computed elsewhere, non-empty ones only.
@@ -20,6 +21,16 @@ impl RegionHost {
     /// Accepts a message of a region computed elsewhere. The next exchange applies it.
     pub fn accept(&mut self, message: BorderMessage) {
         self.incoming.push(message);
+    }
+
+    /// Accepts a message that was written after an earlier tick than `now`, the last one computed here. What it says of
+    /// bodies is carried forward to that tick.
+    pub fn accept_late(&mut self, mut message: BorderMessage, now: Tick) {
+        let rank = self.partition.rank_of(message.to).expect("messages go to regions of this tree");
+        if let Some(place) = self.place_of[rank] {
+            self.sides[place].carry_forward(&mut message, now, self.settings.dt_s);
+        }
+        self.accept(message);
     }
 
     /// Applies the messages accepted so far, and sends none. No tick ends with it.

@@ -14,6 +14,8 @@ use crate::space::{Bounds, DistributionTree, Tick};
 
 /// How many times its value in the undisturbed world each quantity may have.
 const FACTOR: f64 = 3.0;
+/// The speed of the fastest body of any scene, m/s.
+const FASTEST_M_S: f32 = 20.0;
 /// The radius of the balls of a gas, metres.
 const BALL_M: f64 = 0.25;
 
@@ -78,18 +80,23 @@ impl ContactScene {
         let scene = Scene { dt_s: config.dt_s, ..self.scene(config.seed) };
         let mut shapes = ShapeLibrary::default();
         let (bodies, joints) = scene.records(&mut shapes).expect("the shapes of the library are sound");
-        let mut step = scene.step_settings().record();
+        let (mut settings, mut ahead_m) = (scene.step_settings(), None);
+        if config.protocol.lag_ticks() > 0 {
+            // Out of step no other coupling works, and a server refuses all others. It shares what may come near before
+            // others hear of it.
+            settings = settings.with_coupling(Coupling::Owner);
+            ahead_m = Some(f64::from(FASTEST_M_S * config.dt_s) * config.protocol.lag_ticks() as f64);
+        }
+        let mut step = settings.record();
         if Random::new(config.seed ^ 0x5917_0000_0000_0000).chance(0.5) {
             // Half of the runs divide bodies that touch among regions, instead of moving them to one.
             step.island_limit = 2;
         }
-        if config.protocol.lag_ticks() > 0 {
-            // Out of step no other coupling works, and a server refuses all others.
-            step.coupling = Coupling::Owner;
-        }
         let tree = DistributionTree::halved(scene.bounds, config.regions).expect("a small number of regions");
         let world = EnvironmentProperties { step, tree, halo_m: None, ..sim_world(1) };
-        Content { of: self, world, shapes, bodies, joints }
+        let mut content = Content { of: self, world, shapes, bodies, joints };
+        content.world.halo_m = ahead_m.map(|ahead_m| content.host().partition().halo_m() + ahead_m);
+        content
     }
 
     fn scene(self, seed: u64) -> Scene {

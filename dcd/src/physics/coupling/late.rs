@@ -79,7 +79,7 @@ impl Late {
                 *pose = pose.moved(if is_steady { &mean } else { velocity }, late_s);
             } else {
                 // Velocities change before bodies are moved by them.
-                let falls = gravity * region.physics().bodies[handle].gravity_scale();
+                let falls = gravity * falls_by(&region.physics().bodies[handle]);
                 let on_the_way = add(velocity, falls * (0.5 * (late + 1) as f32 * dt_s));
                 *pose = pose.moved(&on_the_way, late_s);
                 *velocity = add(velocity, falls * late_s as f32);
@@ -126,6 +126,11 @@ impl Course {
         *angular += (told.1 - *angular) * share;
         Velocity { linear: (*linear).into(), angular: (*angular).into() }
     }
+}
+
+/// Returns the share of gravity by which a body falls along each axis: none without mass, or where it is locked.
+fn falls_by(body: &RigidBody) -> Vector {
+    body.mass_properties().effective_inv_mass * body.mass() * body.gravity_scale()
 }
 
 fn differ_m_s(a: &Velocity, b: &Velocity) -> f32 {

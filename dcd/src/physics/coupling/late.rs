@@ -69,13 +69,14 @@ impl Late {
             };
             let course = courses.entry(id).or_default();
             let mean = course.take_in(velocity, late);
-            if course.hit.is_some_and(|(first, last)| told < last && told.0 < first.0 + MOST_ALONE * late) {
+            // Joints pull at what they hold in every tick: that is no hit, and does not shake it.
+            let is_tied = !region.slot(handle).joints.is_empty();
+            if !is_tied && course.is_alone(told, late) {
                 let state = region.body_state(handle);
                 (*pose, *velocity) = (state.pose, state.velocity);
-            } else if region.is_pressed(handle) {
-                // What speeds up steadily is ahead of the mean, and joints do not shake what they hold.
-                let is_steady =
-                    differ_m_s(&mean, velocity) < STEADY_M_S && region.slot(handle).joints.is_empty();
+            } else if is_tied || region.is_pressed(handle) {
+                // What speeds up steadily is ahead of the mean.
+                let is_steady = !is_tied && differ_m_s(&mean, velocity) < STEADY_M_S;
                 *pose = pose.moved(if is_steady { &mean } else { velocity }, late_s);
             } else {
                 // Velocities change before bodies are moved by them.
@@ -117,6 +118,12 @@ impl Late {
 }
 
 impl Course {
+    /// Returns whether the copy goes on as it does here: it was hit after the tick of a state that comes `late` ticks
+    /// late, and has not been alone for too long.
+    fn is_alone(&self, told: Tick, late: u64) -> bool {
+        self.hit.is_some_and(|(first, last)| told < last && told.0 < first.0 + MOST_ALONE * late)
+    }
+
     /// Takes in a velocity told by the owner. Returns the mean.
     fn take_in(&mut self, told: &Velocity, late: u64) -> Velocity {
         let share = 1.0 / (1.0 + MEAN_OVER * late as f32);

@@ -12,7 +12,8 @@ use crate::results::Measured;
 
 pub(super) const SHOWN: Shown<Row> = Shown { name: "faults-contact", table, picture: None };
 /// Faults and scenes that are known to gain more energy than their gate, as the page of results says.
-const OPEN: [(&str, &str, &[Quantity]); 3] = [
+const OPEN: [(&str, &str, &[Quantity]); 4] = [
+    ("lag", "chain", &[Quantity::Gain]),
     ("groups-kill", "crowd", &[Quantity::Gain]),
     ("groups-server", "crowd", &[Quantity::Gain]),
     ("groups-cut", "crowd", &[Quantity::Gain]),

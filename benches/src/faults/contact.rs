@@ -137,12 +137,12 @@ fn table(rows: &[Measured<Row>]) -> String {
 mod tests {
     use super::*;
 
-    /// Returns the row of a crowd under `lag` in which one seed violated what must hold.
+    /// Returns the row of a chain under `lag` in which one seed violated what must hold.
     fn failed(strain: impl Fn(Quantity) -> f64, strained: u64) -> Row {
         let config = TrialConfig::default();
         let row = sim::simulate(&config, FaultProfile::Lag, 0..1, 1, &|| false);
         let row = sim::Row { violations: 1, strained, strain: sim::Strain::each(strain), ..row };
-        Row::of(ContactScene::Crowd, &row)
+        Row::of(ContactScene::Chain, &row)
     }
 
     #[test]
@@ -156,5 +156,6 @@ mod tests {
             assert!(!failed(gains, 1).holds(), "far more than is known: {unsound}");
         }
         assert!(!Row { faults: "stop".into(), ..failed(gains, 1) }.holds());
+        assert!(!Row { scene: "crowd".into(), ..failed(gains, 1) }.holds());
     }
 }

@@ -14,8 +14,6 @@ use crate::space::{Bounds, DistributionTree, Tick};
 
 /// How many times its value in the undisturbed world each quantity may have.
 const FACTOR: f64 = 3.0;
-/// The speed of the fastest body of any scene, m/s.
-const FASTEST_M_S: f32 = 20.0;
 /// The radius of the balls of a gas, metres.
 const BALL_M: f64 = 0.25;
 
@@ -85,7 +83,9 @@ impl ContactScene {
             // Out of step no other coupling works, and a server refuses all others. It shares what may come near before
             // others hear of it.
             settings = settings.with_coupling(Coupling::Owner);
-            ahead_m = Some(f64::from(FASTEST_M_S * config.dt_s) * config.protocol.lag_ticks() as f64);
+            ahead_m = Some(
+                f64::from(sim_world(1).avatar_speed_limit * config.dt_s) * config.protocol.lag_ticks() as f64,
+            );
         }
         let mut step = settings.record();
         if Random::new(config.seed ^ 0x5917_0000_0000_0000).chance(0.5) {

@@ -3,13 +3,14 @@
 //!
 //! - A copy that was just hit goes on as it does here, until its owner tells states from after the hit. The owner has
 //!   computed the same hit by now. An earlier state would put the copy back to where it was about to be hit, and it
-//!   would be hit again in each of the ticks until then: what does not bounce bounced fully.
+//!   would be hit again in each of the ticks until then: what does not bounce bounced fully. A body that is handed over
+//!   is as its owner told: what its user did to it on the way is done to it anew (`runtime/device.rs`).
 //! - A copy that touches something is carried forward by how it has moved of late in the mean. What lies still is told
 //!   with velocities that tremble. Carried forward over many ticks, they shake a stack until it falls.
 //! - What joints hold is carried forward at a steady acceleration.
 //! - What touches nothing falls on the way.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::{RigidBody, RigidBodyHandle, Vector};
 use serde::{Deserialize, Serialize};
@@ -30,7 +31,7 @@ const STEADY_M_S: f32 = 1.0;
 /// Over how many times as long as states come late the mean of velocities reaches. So half of a velocity's lead over the
 /// mean is what a steady acceleration adds until the present.
 const MEAN_OVER: f32 = 2.0;
-/// How much of a velocity's lead over the mean is added to the velocity of what joints hold. A chain that swings for 20 s,
+/// The share of a velocity's lead over the mean that is added to the velocity of what joints hold. A chain that swings for 20 s,
 /// six ticks late, gains a sixth of its energy; without, a quarter.
 const SPEED_UP: f32 = 0.5;
 
@@ -42,7 +43,7 @@ pub(super) struct Late {
     courses: BTreeMap<BodyId, Course>,
 }
 
-/// How a copy has moved of late.
+/// The motion of a copy of late.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Course {
     /// The copy's velocities as the last exchange left them, linear and angular.
@@ -66,6 +67,7 @@ impl Late {
         let late = now.0.saturating_sub(told.0);
         let late_s = late as f64 * f64::from(dt_s);
         self.most = self.most.max(late);
+        let handed_over: BTreeSet<_> = message.transfers.iter().map(|transfer| transfer.body.id).collect();
         let (courses, gravity) = (&mut self.courses, region.physics().gravity);
         message.carry_forward(|id, pose, velocity| {
             let Some(handle) = copy_of(region, id) else {
@@ -79,7 +81,7 @@ impl Late {
                 let on_the_way = speeded_up(velocity, &mean, 0.5 * SPEED_UP);
                 *pose = pose.moved(&on_the_way, late_s);
                 *velocity = speeded_up(velocity, &mean, SPEED_UP);
-            } else if course.is_alone(told, late) {
+            } else if course.is_alone(told, late) && !handed_over.contains(&id) {
                 let state = region.body_state(handle);
                 (*pose, *velocity) = (state.pose, state.velocity);
             } else if region.is_pressed(handle) {
@@ -290,6 +292,7 @@ mod tests {
             }
             let mut apart = Apart::new(&scene, late);
             (0..600).for_each(|_| apart.step());
+            assert_eq!(apart.states().len(), 6, "{late} ticks late: none is under way");
             for (i, (.., pose, velocity)) in apart.states().into_iter().enumerate() {
                 let off_m = (pose.translation[1] - 0.5 - i as f64).abs();
                 let speed = Vector::from(velocity.linear).length();
@@ -315,6 +318,7 @@ mod tests {
                 }
                 let mut apart = Apart::new(&scene, late);
                 (0..(60.0 * 4.0 / speed) as u32).for_each(|_| apart.step());
+                assert_eq!(apart.states().len(), 5, "{late} ticks late: none is under way");
                 for (i, (.., pose, velocity)) in apart.states().into_iter().enumerate() {
                     let off_m = (pose.translation[0] - 2.5 + 1.001 * i as f64).abs();
                     let off_m_s = (velocity.linear[0] - speed).abs();

@@ -178,7 +178,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use crate::physics::{Coupling, Measured, Partition, RegionHost, StepSettings};
-    use crate::protocol::{BorderMessage, Velocity, WorldPose};
+    use crate::protocol::{BorderMessage, Push, Velocity, WorldPose};
     use crate::scene::{Params, Scene};
     use crate::space::{BodyId, Bounds, DistributionTree, RegionId};
 
@@ -370,5 +370,24 @@ mod tests {
             let gained = (energy_j(late) - at_once_j) / at_once_j.abs();
             assert!((-0.05..0.2).contains(&gained), "{late} ticks late: {:.1} %", 100.0 * gained);
         }
+    }
+
+    /// What pushes it on the way is applied again by the process when it has arrived.
+    #[test]
+    fn a_body_that_is_pushed_while_it_is_handed_over_arrives_as_its_owner_told() {
+        let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("ball") };
+        let body = RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0);
+        scene.push(WorldPose::at([-0.5, 0.0, 0.0]), body, ColliderBuilder::ball(0.5));
+        let mut apart = Apart::new(&scene, 6);
+        let id = apart.states()[0].0;
+        while !apart.states().is_empty() {
+            apart.step();
+        }
+        let push = Push { body: id, linear: [0.0, 5.0, 0.0], angular: [0.0; 3], point: None, lasts: false };
+        assert!(apart.hosts.iter_mut().all(|host| host.push(&push)), "both hold it");
+        while apart.states().is_empty() {
+            apart.step();
+        }
+        assert_eq!(apart.states()[0].3.linear, [2.0, 0.0, 0.0]);
     }
 }

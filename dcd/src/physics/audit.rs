@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::*;
 
 use crate::physics::region::{Ownership, Region};
+use crate::physics::small_world::copy_body;
 
 /// The number of substeps per tick of the finer model, each with all iterations of a tick.
 const FINESSE: usize = 4;
@@ -79,7 +80,7 @@ impl Audit {
         let mut bounds = Aabb::new_invalid();
         for (&key, &handle) in &members {
             let body = &physics.bodies[handle];
-            let copy = copy(physics, handle, &mut world);
+            let copy = copy_body(physics, handle, &mut world);
             let reach = body.linvel() * (parameters.dt * f32::from(ticks));
             for &collider in body.colliders() {
                 let aabb = physics.colliders[collider].compute_aabb();
@@ -97,7 +98,7 @@ impl Audit {
         for handle in around {
             let key = handle.into_raw_parts();
             if !copied.contains_key(&key) && !others.contains_key(&key) {
-                others.insert(key, (handle, copy(physics, handle, &mut world)));
+                others.insert(key, (handle, copy_body(physics, handle, &mut world)));
             }
         }
         for (&key, &(handle, _)) in &copied {
@@ -161,15 +162,4 @@ impl Audit {
         let mean = sum / f64::from(count.max(1)) / f64::from(self.ticks);
         (mean.is_finite()).then_some(mean as f32)
     }
-}
-
-/// Copies a body with its colliders.
-fn copy(from: &PhysicsWorld, handle: RigidBodyHandle, to: &mut PhysicsWorld) -> RigidBodyHandle {
-    let body = from.bodies[handle].clone();
-    let colliders: Vec<_> = body.colliders().to_vec();
-    let copy = to.bodies.insert(body);
-    for collider in colliders {
-        to.colliders.insert_with_parent(from.colliders[collider].clone(), copy, &mut to.bodies);
-    }
-    copy
 }

@@ -582,6 +582,11 @@ impl Region {
         self.targets.any_kinematic()
     }
 
+    /// Returns whether joints hold the body.
+    pub(crate) fn is_jointed(&self, handle: RigidBodyHandle) -> bool {
+        !self.slot(handle).joints.is_empty()
+    }
+
     /// Returns whether the body is part of a multibody, or tied to one.
     pub(super) fn is_articulated(&self, handle: RigidBodyHandle) -> bool {
         let assembly = self.slot(handle).assembly;

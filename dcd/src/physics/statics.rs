@@ -99,7 +99,7 @@ impl Statics {
         for (body, bounds) in self.bodies.values() {
             if needed.touches(bounds) {
                 insert(region, body, shapes)?;
-            } else if region.handle_of(body.id).is_some_and(|handle| region.slot(handle).joints.is_empty()) {
+            } else if region.handle_of(body.id).is_some_and(|handle| !region.is_jointed(handle)) {
                 region.remove(body.id);
             }
         }

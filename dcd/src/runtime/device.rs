@@ -1,6 +1,7 @@
 //! Computes the physics of a node: carries out the commands of the node's state machine on the regions that
 //! the node computes.
 
+mod led;
 mod verify;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,13 +10,14 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
+use self::led::Led;
 use self::verify::{Listener, Twin};
-use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
+use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats};
 use crate::fidelity::Fidelity;
 use crate::physics::{HostError, Partition, Region, RegionHost};
 use crate::protocol::{
-    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties,
-    JointRecord, LoadReport, Push, Query, RegionLoad, SharedState, WorldOp,
+    Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
+    LoadReport, Push, Query, RegionLoad, SharedState, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Load, RegionId, Tick, summarised};
 
@@ -51,6 +53,8 @@ pub struct PhysicsDevice {
     /// The pushes of the last ticks, each with its tick, for as long as a body that they concern may be on
     /// its way here; none in lockstep.
     pushes: Vec<(Tick, Push)>,
+    /// Bodies that another group is authoritative for.
+    led: Led,
     /// Bodies that are being taken over, each with the tick that its record is of.
     arriving: Vec<(BodyId, Epoch, Tick)>,
     /// Repeated computations of what other members compute, by the number of their run; `None` for one that
@@ -78,6 +82,7 @@ impl PhysicsDevice {
             avatars: BTreeSet::new(),
             world: None,
             pushes: Vec::new(),
+            led: Led::default(),
             arriving: Vec::new(),
             runs: BTreeMap::new(),
             apart: None,
@@ -144,7 +149,7 @@ impl PhysicsDevice {
                 self.questions = questions.collect();
                 self.note_pushes(tick, &ops);
                 let is_scheduled = self.is_scheduled();
-                let host = self.world();
+                let host = self.host.as_mut().expect("a world comes before commands");
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
                 let new = ops.iter().flat_map(|op| match op {
                     WorldOp::Insert { bodies, .. } => bodies.as_slice(),
@@ -152,7 +157,8 @@ impl PhysicsDevice {
                 });
                 let avatars: Vec<_> = new.map(|body| body.id).filter(|id| id.client().is_some()).collect();
                 let schedule = ops.iter().find_map(WorldOp::schedule).cloned().unwrap_or_default();
-                let removed = apply(host, ops, band_m);
+                let removed = apply(host, &mut self.led, ops, band_m);
+                self.led.look_ahead(host);
                 host.set_rounds(rounds as usize);
                 if is_scheduled {
                     host.keep(&schedule);
@@ -222,7 +228,7 @@ impl PhysicsDevice {
         }
         let band_m = self.band_m();
         let copy = self.copy.as_mut().expect("made above");
-        apply(copy, ops, band_m);
+        apply(copy, &mut self.led.clone(), ops, band_m);
         copy.step()?;
         copy.clear_events();
         let awake = copy.awake_bodies().into_iter().filter_map(|id| copy.owned(id));
@@ -286,9 +292,11 @@ impl PhysicsDevice {
         }
         let host = self.host.as_mut().expect("a world comes before commands");
         for message in incoming {
-            match message.tick < tick {
-                true => host.accept_late(message, tick),
-                false => host.accept(message),
+            if message.tick < tick {
+                let as_here = host.accept_late(message, tick);
+                self.arriving.retain(|(id, ..)| !as_here.contains(id));
+            } else {
+                host.accept(message);
             }
         }
     }
@@ -335,7 +343,7 @@ impl PhysicsDevice {
         let (rebuilding, rounds_left) = (self.rebuilding, self.rounds_left);
         self.world().exchange()?;
         self.push_again();
-        let host = self.world();
+        let host = self.host.as_mut().expect("a world comes before commands");
         if rebuilding {
             host.drop_unconfirmed();
         } else if rounds_left > 0 {
@@ -345,6 +353,7 @@ impl PhysicsDevice {
         } else {
             host.conclude();
             host.end_tick();
+            self.led.look_back(host);
         }
         self.rebuilding = false;
         let exchanges = if rebuilding { 0 } else { self.world().exchanges_done() };
@@ -459,7 +468,7 @@ fn host_of(
 /// Applies world operations (insertions, removals, inputs, inter-group corrections) before a tick. Every
 /// member applies them to the bodies it holds. Returns the owned bodies that disappeared, as they were. An
 /// operation that cannot be done is refused by all members alike, so it is only logged.
-fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
+fn apply(host: &mut RegionHost, led: &mut Led, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
     let (mut removed, mut gone) = (Vec::new(), BTreeSet::new());
     // All regions meet, as on nodes that hold nothing of what these operations concern.
     if ops.iter().any(WorldOp::concerns_all) {
@@ -502,36 +511,13 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             // is kept when all is applied, and a watch concerns what is told of the tick.
             WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) | WorldOp::Watch(_) => {}
             WorldOp::Correct { tick, states } => {
-                // Poses here are those after the last tick.
-                let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);
-                states.iter().for_each(|state| lead(host, state, lag_s, band_m));
+                led.lead(host, tick, &states, band_m);
             }
         }
     }
     // One pass over all bodies serves all names.
     host.forget_shapes(&gone);
     removed
-}
-
-/// Corrects a body towards its authoritative state in another group.
-fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
-    let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
-    // A character walks on from that pose by itself.
-    let walks = traits.character.is_some();
-    if traits.kind == BodyKind::KinematicPosition || walks {
-        let next_s = lag_s + if walks { 0.0 } else { f64::from(host.settings().dt_s) };
-        host.move_copies(target.id, target.pose.moved(&target.velocity, next_s));
-        return;
-    }
-    let goal = target.pose.moved(&target.velocity, lag_s);
-    if target.sleeping && state.sleeping && deviation_m(&state.pose, &goal) <= band_m {
-        return;
-    }
-    let velocity = correction(&state.pose, target, lag_s, band_m);
-    host.change_copies(target.id, |body| {
-        body.set_linvel(Vector::from_array(velocity.linear), true);
-        body.set_angvel(Vector::from_array(velocity.angular), true);
-    });
 }
 
 /// Returns the number of pairs near enough to touch. Counting those that do touch would visit every pair.

@@ -30,6 +30,7 @@ mod ownership;
 mod predicted_contacts;
 mod proxy;
 mod reach;
+mod replay;
 mod shared;
 mod strike;
 mod sweep;
@@ -51,7 +52,7 @@ use super::spread::Team;
 use super::statics::Statics;
 use crate::fidelity::iterations;
 use crate::protocol::BorderMessage;
-use crate::space::{RegionId, RegionSet, Tick};
+use crate::space::{BodyId, RegionId, RegionSet, Tick};
 
 /// The number of silent ticks after which a region that holds bodies with others rests. No decision on such
 /// bodies ([`ownership`]) is put off for that long.
@@ -145,9 +146,10 @@ impl Side {
             .in_round(|rank| moment.is_due(pace.exchanges_among(own.union(RegionSet::only(rank)))))
     }
 
-    /// Carries what a message of an earlier tick says forward to the present one.
-    pub(super) fn carry_forward(&mut self, message: &mut BorderMessage, now: Tick, dt_s: f32) {
-        self.border.late.carry_forward(&self.region, message, now, dt_s);
+    /// Carries what a message of an earlier tick says forward to the present one. Returns the bodies that are handed over
+    /// as they are here, not as their owner told.
+    pub(super) fn carry_forward(&mut self, message: &mut BorderMessage, now: Tick, dt_s: f32) -> Vec<BodyId> {
+        self.border.late.carry_forward(&self.region, message, now, dt_s)
     }
 
     /// Returns the regions that must be at the same time as this one: those with which it shares bodies, or

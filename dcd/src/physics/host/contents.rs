@@ -6,7 +6,7 @@ use rapier3d::prelude::RigidBodyHandle;
 
 use super::RegionHost;
 use crate::physics::owner_index::Home;
-use crate::physics::region::Region;
+use crate::physics::region::{Ownership, Region};
 use crate::protocol::{BodyRecord, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId};
 
@@ -63,6 +63,15 @@ impl RegionHost {
             (self.owner_index.home(id) == Some(here)).then_some(id)
         });
         owned.collect()
+    }
+
+    /// Returns the copies of movable bodies here that do not sleep, whoever owns them, some more than once.
+    pub(crate) fn awake_copies(&self) -> impl Iterator<Item = (BodyId, Ownership, &Region, RigidBodyHandle)> {
+        let awake = self.regions().flat_map(|region| region.awake().map(move |handle| (region, handle)));
+        awake.filter_map(|(region, handle)| {
+            let (id, role) = region.role_of(handle)?;
+            (role != Ownership::Immovable).then_some((id, role, region, handle))
+        })
     }
 
     /// Returns the joints here of bodies that do not sleep, some more than once.

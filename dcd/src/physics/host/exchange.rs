@@ -9,7 +9,7 @@ use crate::physics::outbox::Outbox;
 use crate::physics::owner_index::Home;
 use crate::physics::region::Region;
 use crate::protocol::{BorderMessage, Handover};
-use crate::space::Tick;
+use crate::space::{BodyId, Tick};
 
 impl RegionHost {
     /// Returns the messages of regions here to regions computed elsewhere, non-empty ones only.
@@ -24,13 +24,15 @@ impl RegionHost {
     }
 
     /// Accepts a message that was written after an earlier tick than `now`, the last one computed here. What it says of
-    /// bodies is carried forward to that tick.
-    pub fn accept_late(&mut self, mut message: BorderMessage, now: Tick) {
+    /// bodies is carried forward to that tick. Returns the bodies that are handed over as they are here, with all that was
+    /// done to them on the way, and not as their owner told.
+    pub fn accept_late(&mut self, mut message: BorderMessage, now: Tick) -> Vec<BodyId> {
         let rank = self.partition.rank_of(message.to).expect("messages go to regions of this tree");
-        if let Some(place) = self.place_of[rank] {
-            self.sides[place].carry_forward(&mut message, now, self.settings.dt_s);
-        }
+        let dt_s = self.settings.dt_s;
+        let place = self.place_of[rank];
+        let as_here = place.map(|place| self.sides[place].carry_forward(&mut message, now, dt_s));
         self.accept(message);
+        as_here.unwrap_or_default()
     }
 
     /// Applies the messages accepted so far, and sends none. No tick ends with it.

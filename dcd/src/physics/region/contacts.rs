@@ -147,7 +147,7 @@ impl Region {
             let mut pairs = self.world.narrow_phase.contact_pairs_with(collider);
             pairs.any(ContactPair::has_any_active_contact)
         };
-        !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
+        self.is_jointed(handle) || self.world.bodies[handle].colliders().iter().any(touches)
     }
 
     /// Returns whether one contact alone moves a body: it touches one collider by one of its own, and no joint
@@ -156,7 +156,7 @@ impl Region {
         let pairs = |&collider: &ColliderHandle| self.world.narrow_phase.contact_pairs_with(collider);
         let all = self.world.bodies[handle].colliders().iter().flat_map(pairs);
         let touching = all.filter(|pair| pair.has_any_active_contact()).take(2).count();
-        touching == 1 && self.slot(handle).joints.is_empty()
+        touching == 1 && !self.is_jointed(handle)
     }
 
     /// Returns whether a body touches something that no contact moves.
@@ -184,7 +184,7 @@ impl Region {
         let is_near = |&collider: &ColliderHandle| {
             self.world.narrow_phase.contact_pairs_with(collider).next().is_some()
         };
-        !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(is_near)
+        self.is_jointed(handle) || self.world.bodies[handle].colliders().iter().any(is_near)
     }
 
     /// Returns whether a body can be audited, that is, computed apart from the region with what it touches.

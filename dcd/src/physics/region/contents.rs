@@ -130,7 +130,7 @@ impl Region {
             self.note_retied(handle);
         }
         // Most bodies have no joints, and need no search.
-        if !self.slot(handle).joints.is_empty() || !self.waiting.is_empty() {
+        if self.is_jointed(handle) || !self.waiting.is_empty() {
             let joints: Vec<_> = self.joints_of(handle).collect();
             for joint in &joints {
                 self.remove_joint(joint.id);

@@ -195,7 +195,7 @@ fn what_comes_with_a_shape_that_was_to_be_forgotten_before_has_it_whoever_holds_
         )
         .unwrap();
         host.shapes_mut().add(ball.clone()).unwrap();
-        apply(&mut host, ops, 0.0);
+        apply(&mut host, &mut Led::default(), ops, 0.0);
         host.shapes().record_of(ball.hash()).is_some()
     };
     // Another node computes the body, and may hand it over later.

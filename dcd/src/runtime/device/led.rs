@@ -1,0 +1,167 @@
+//! Leads bodies after another group that is authoritative for them (inter-group correction, thesis 3.3.8), unless they were
+//! just hit here.
+
+use std::collections::BTreeMap;
+
+use rapier3d::prelude::*;
+
+use crate::cluster::{correction, deviation_m};
+use crate::physics::{Hits, Ownership, Region, RegionHost};
+use crate::protocol::{BodyKind, BodyRecord, SharedState};
+use crate::space::{BodyId, Tick};
+
+/// For how many ticks after a body was led hits are noted.
+const FORGET_TICKS: u64 = 60;
+
+/// What is known of the bodies of a world in which some are led.
+#[derive(Clone, Default)]
+pub(super) struct Led {
+    /// When a body was led last; `None` where none was of late.
+    last: Option<Tick>,
+    /// By how many ticks what was told of bodies came late at most.
+    late: u64,
+    /// The bodies that do not sleep. A body is led first when it has come off its course, maybe by a hit.
+    hits: BTreeMap<BodyId, Hits>,
+}
+
+impl Led {
+    /// Corrects bodies towards their states in the authoritative group after tick `told`.
+    ///
+    /// A body that was hit since then goes on as it does here: the authoritative group may have computed the same hit
+    /// by now. To be put back to where it was about to be hit, it would hit again, and as if it were infinitely heavy.
+    pub(super) fn lead(&mut self, host: &mut RegionHost, told: Tick, states: &[SharedState], band_m: f64) {
+        // Poses here are those after the last tick.
+        let now = host.tick();
+        let late = now.0.saturating_sub(told.0);
+        let lag_s = (now.0 as f64 - told.0 as f64) * f64::from(host.settings().dt_s);
+        (self.last, self.late) = (Some(now), self.late.max(late));
+        for state in states {
+            if !self.hits.get(&state.id).is_some_and(|hits| hits.outdate(told, late)) {
+                lead(host, state, lag_s, band_m);
+            }
+        }
+    }
+
+    /// Notes how bodies move before a step.
+    pub(super) fn look_ahead(&mut self, host: &RegionHost) {
+        let mut known = std::mem::take(&mut self.hits);
+        let is_of_late = |last: &Tick| last.0 + FORGET_TICKS > host.tick().0;
+        if !self.last.as_ref().is_some_and(is_of_late) {
+            *self = Self::default();
+            return;
+        }
+        for (id, (region, handle)) in free_copies(host) {
+            let mut hits = known.remove(&id).unwrap_or_default();
+            hits.look_ahead(&region.physics().bodies[handle]);
+            self.hits.insert(id, hits);
+        }
+    }
+
+    /// Notes which bodies were hit in the last step.
+    pub(super) fn look_back(&mut self, host: &RegionHost) {
+        if self.hits.is_empty() {
+            return;
+        }
+        for (id, (region, handle)) in free_copies(host) {
+            if let Some(hits) = self.hits.get_mut(&id) {
+                hits.look_back(region, handle, host.tick(), self.late, host.settings().dt_s);
+            }
+        }
+    }
+}
+
+/// Returns a copy of each dynamic body here that does not sleep and is free of joints, the owner's if it is here. Joints pull
+/// in every tick, so a hit is not told from that.
+fn free_copies(host: &RegionHost) -> BTreeMap<BodyId, (&Region, RigidBodyHandle)> {
+    let mut copies = BTreeMap::new();
+    for (id, role, region, handle) in host.awake_copies() {
+        let is_free = region.physics().bodies[handle].is_dynamic() && !region.is_jointed(handle);
+        if is_free && (role == Ownership::Owner || !copies.contains_key(&id)) {
+            copies.insert(id, (region, handle));
+        }
+    }
+    copies
+}
+
+/// Corrects a body towards its authoritative state in another group.
+fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
+    let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
+    // A character walks on from that pose by itself.
+    let walks = traits.character.is_some();
+    if traits.kind == BodyKind::KinematicPosition || walks {
+        let next_s = lag_s + if walks { 0.0 } else { f64::from(host.settings().dt_s) };
+        host.move_copies(target.id, target.pose.moved(&target.velocity, next_s));
+        return;
+    }
+    let goal = target.pose.moved(&target.velocity, lag_s);
+    if target.sleeping && state.sleeping && deviation_m(&state.pose, &goal) <= band_m {
+        return;
+    }
+    let velocity = correction(&state.pose, target, lag_s, band_m);
+    host.change_copies(target.id, |body| {
+        body.set_linvel(Vector::from_array(velocity.linear), true);
+        body.set_angvel(Vector::from_array(velocity.angular), true);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::Partition;
+    use crate::protocol::WorldPose;
+    use crate::scene::Scene;
+    use crate::space::{Bounds, DistributionTree};
+
+    /// A world of one region.
+    fn host(scene: &Scene) -> RegionHost {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [20.0; 3]), 1).unwrap();
+        let regions: Vec<_> = tree.leaves().collect();
+        let mut host =
+            RegionHost::new(Partition::new(tree, None), scene.step_settings(), 1, &regions).unwrap();
+        let (bodies, joints) = scene.records(host.shapes_mut()).unwrap();
+        host.insert(bodies, &joints).unwrap();
+        host
+    }
+
+    fn velocity(host: &RegionHost, id: BodyId) -> [f32; 3] {
+        let (region, handle) = host.owned(id).unwrap();
+        region.shared_state(handle).velocity.linear
+    }
+
+    #[test]
+    fn a_ball_that_is_led_and_a_ball_that_it_hits_part_as_in_one_world_however_late_it_is_told_of() {
+        for (bounce, speed) in [(0.0, 2.0), (0.5, 6.0), (1.0, 2.0), (1.0, 12.0)] {
+            let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("balls") };
+            for (x, v) in [(0.0, 0.0), (-3.0, speed)] {
+                let body = RigidBodyBuilder::dynamic().linvel(Vector::X * v);
+                let ball = ColliderBuilder::ball(0.5).restitution(bounce).friction(0.0);
+                scene.push(WorldPose::at([x, 0.1, 0.0]), body, ball);
+            }
+            for late in [1, 4, 8, 12] {
+                // Another group computes the same, and is authoritative for the ball that flies.
+                let (mut there, mut here, mut led) = (host(&scene), host(&scene), Led::default());
+                let ids: Vec<_> = there.owned_bodies().map(|(id, ..)| id).collect();
+                let mut told = Vec::new();
+                for tick in 0..(60.0 * 3.0 / speed) as usize + 140 {
+                    let (region, handle) = there.owned(ids[1]).unwrap();
+                    told.push(region.shared_state(handle));
+                    if let Some(tick) = tick.checked_sub(late) {
+                        led.lead(&mut here, Tick(tick as u64), &told[tick..=tick], 0.01);
+                    }
+                    led.look_ahead(&here);
+                    there.step().unwrap();
+                    here.step().unwrap();
+                    led.look_back(&here);
+                }
+                for &id in &ids {
+                    let (there, here) = (velocity(&there, id), velocity(&here, id));
+                    let is_off = there.iter().zip(here).any(|(a, b)| (a - b).abs() > 0.05 * speed);
+                    assert!(
+                        !is_off,
+                        "{late} ticks late, bounce {bounce}, {speed} m/s: {id} {here:?}, not {there:?}"
+                    );
+                }
+            }
+        }
+    }
+}

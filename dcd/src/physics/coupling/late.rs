@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::replay::replay;
 use crate::physics::hits::Hits;
 use crate::physics::region::{Ownership, Region};
-use crate::protocol::{BorderMessage, Velocity, WorldPose};
+use crate::protocol::{BorderMessage, MAX_LAG, Velocity, WorldPose};
 use crate::space::{BodyId, Tick};
 
 /// The difference between a velocity and the mean of those before, m/s, up to which a copy that touches something is
@@ -78,7 +78,7 @@ impl Late {
         let told = message.tick;
         let late = now.0.saturating_sub(told.0);
         let late_s = late as f64 * f64::from(dt_s);
-        self.most = self.most.max(late);
+        self.most = self.most.max(late.min(u64::from(MAX_LAG)));
         let tied = self.carry_tied_forward(region, message, now, dt_s);
         let mut as_here = BTreeSet::new();
         let (courses, gravity) = (&mut self.courses, region.physics().gravity);
@@ -125,6 +125,7 @@ impl Late {
         dt_s: f32,
     ) -> BTreeMap<BodyId, Tied> {
         let (told, tied) = (message.tick, &mut self.tied);
+        let late = now.0.saturating_sub(told.0).min(u64::from(MAX_LAG));
         let (mut told_of, mut off) = (BTreeMap::new(), BTreeSet::new());
         message.carry_forward(|id, pose, velocity| {
             let Some(handle) = copy_of(region, id).filter(|&handle| is_tied(region, handle)) else { return };
@@ -137,7 +138,7 @@ impl Late {
         let is_off = |assembly: Option<u32>| assembly.is_some_and(|assembly| off.contains(&assembly));
         let start = told_of.values().filter(|(_, assembly, ..)| is_off(*assembly));
         let start: Vec<_> = start.map(|&(handle, _, pose, velocity)| (handle, pose, velocity)).collect();
-        let mut replayed = replay(region, &start, now.0 - told.0, dt_s).into_iter();
+        let mut replayed = replay(region, &start, late, dt_s).into_iter();
         let mut carried = BTreeMap::new();
         for (id, (_, assembly, ..)) in told_of {
             let past = tied.entry(id).or_default();

@@ -7,8 +7,11 @@ use crate::protocol::{SharedState, Velocity, WorldPose};
 
 /// The time constant of the correction, seconds.
 const SETTLE_S: f64 = 0.2;
+/// The largest correction that is added to a velocity, m/s and rad/s: a faster body from nowhere would hurt what is in its
+/// way.
+const MOST: f64 = 6.0;
 /// The speed up to which a body is corrected in any case, and by how much more than its target's own it may be, m/s and
-/// rad/s: a faster body from nowhere would hurt what is in its way, and heat a crowd.
+/// rad/s: faster ones heat a crowd.
 const SLOW: f64 = 1.5;
 const FASTER_BY: f64 = 0.5;
 
@@ -22,7 +25,7 @@ pub fn deviation_m(present: &WorldPose, target: &WorldPose) -> f64 {
 /// that state (dead reckoning).
 ///
 /// Within `band_m` of the target, the body moves as the target does. Call it again while the deviation is
-/// larger: the error shrinks by a factor e in 0.2 s, or by half a metre per second where that is less.
+/// larger: the error shrinks by a factor e in 0.2 s. A body that is behind catches up by half a metre per second at most.
 pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m: f64) -> Velocity {
     let goal = target.pose.moved(&target.velocity, lag_s);
     if deviation_m(present, &goal) <= band_m {
@@ -39,7 +42,7 @@ pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m:
 fn towards(velocity: [f32; 3], way: Vector3<f64>) -> [f32; 3] {
     let velocity = Vector3::from(velocity.map(f64::from));
     let most = SLOW.max(velocity.norm() + FASTER_BY);
-    (velocity + way / SETTLE_S).cap_magnitude(most).map(|v| v as f32).into()
+    (velocity + (way / SETTLE_S).cap_magnitude(MOST)).cap_magnitude(most).map(|v| v as f32).into()
 }
 
 #[cfg(test)]
@@ -75,6 +78,11 @@ mod tests {
         assert!(deviation_m(&pose, &goal) <= 0.01, "{pose:?} {goal:?}");
         assert!(pose.isometry().rotation.angle_to(&goal.isometry().rotation) < 0.02);
         assert!(worst_step < 2.51 * dt, "never a jump, and little faster than its target: {worst_step}");
+        // One that is far ahead of a fast target waits, and does not come back.
+        let fast =
+            SharedState { velocity: Velocity { linear: [10.0, 0.0, 0.0], angular: [0.0; 3] }, ..target };
+        let ahead = WorldPose::at([5.0, 2.0, 3.0]);
+        assert_eq!(correction(&ahead, &fast, 0.0, 0.01).linear, [4.0, 0.0, 0.0]);
         assert_eq!(
             correction(&goal, &target, 180.0 * dt, 0.01),
             target.velocity,

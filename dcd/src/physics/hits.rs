@@ -39,8 +39,9 @@ impl Hits {
         dt_s: f32,
     ) {
         let Some((linear, angular)) = self.was.take() else { return };
-        let (body, least) =
-            (&region.physics().bodies[handle], BY_GRAVITY * dt_s * region.physics().gravity.length());
+        let body = &region.physics().bodies[handle];
+        let falls_m_s = dt_s * region.physics().gravity.length() * body.gravity_scale().abs().max(1.0);
+        let least = BY_GRAVITY * falls_m_s;
         let by_turning = (body.angvel() - angular).length() * region.slot(handle).reach_m;
         if (body.linvel() - linear).length().max(by_turning) > least.max(LEAST_M_S) {
             let first =
@@ -52,6 +53,12 @@ impl Hits {
     /// Returns whether the copy goes on as it does here: it was hit after the tick of a state that comes `late` ticks
     /// late, and has not been alone for too long.
     pub(crate) fn outdate(&self, told: Tick, late: u64) -> bool {
-        self.span.is_some_and(|(first, last)| told < last && told.0 < first.0 + MOST_ALONE * late)
+        self.alone_since(told, late).is_some()
+    }
+
+    /// Returns the tick since which the copy has gone on as it does here, if it is to go on so.
+    pub(crate) fn alone_since(&self, told: Tick, late: u64) -> Option<Tick> {
+        let (first, last) = self.span?;
+        (told < last && told.0 < first.0.saturating_add(MOST_ALONE * late)).then_some(first)
     }
 }

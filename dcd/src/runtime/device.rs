@@ -53,15 +53,27 @@ pub struct PhysicsDevice {
     /// The pushes of the last ticks, each with its tick, for as long as a body that they concern may be on
     /// its way here; none in lockstep.
     pushes: Vec<(Tick, Push)>,
-    /// Bodies that another group is authoritative for.
+    /// The bodies that jumped in the last ticks, each with the tick, for as long.
+    jumps: Vec<(Tick, BodyId)>,
+    /// What is known of bodies while some follow another group.
     led: Led,
-    /// Bodies that are being taken over, each with the tick that its record is of.
-    arriving: Vec<(BodyId, Epoch, Tick)>,
+    /// Bodies that are being taken over.
+    arriving: Vec<Arrival>,
     /// Repeated computations of what other members compute, by the number of their run; `None` for one that
     /// failed.
     runs: BTreeMap<u64, Option<Twin>>,
     /// Receives the results of repeated computations that run on threads of their own.
     apart: Option<Listener>,
+}
+
+/// A body that is being taken over.
+struct Arrival {
+    id: BodyId,
+    epoch: Epoch,
+    /// The tick that its record is of.
+    written: Tick,
+    /// The tick since which it has gone on as its copy here did, if it arrives so.
+    as_here: Option<Tick>,
 }
 
 impl PhysicsDevice {
@@ -82,6 +94,7 @@ impl PhysicsDevice {
             avatars: BTreeSet::new(),
             world: None,
             pushes: Vec::new(),
+            jumps: Vec::new(),
             led: Led::default(),
             arriving: Vec::new(),
             runs: BTreeMap::new(),
@@ -287,17 +300,21 @@ impl PhysicsDevice {
             self.report.awake.extend(transfers.clone());
             self.checkpoint.awake.extend(transfers.clone());
             self.avatars.extend(bodies.chain(transfers).filter(|id| id.client().is_some()));
-            let taken = message.transfers.iter().map(|transfer| &transfer.body);
-            self.arriving.extend(taken.map(|body| (body.id, body.epoch, message.tick)));
         }
         let host = self.host.as_mut().expect("a world comes before commands");
         for message in incoming {
-            if message.tick < tick {
-                let as_here = host.accept_late(message, tick);
-                self.arriving.retain(|(id, ..)| !as_here.contains(id));
+            let written = message.tick;
+            let taken: Vec<_> =
+                message.transfers.iter().map(|transfer| (transfer.body.id, transfer.body.epoch)).collect();
+            let mut as_here = BTreeMap::new();
+            if written < tick {
+                let jumped = self.jumps.iter().filter(|(at, _)| *at > written).map(|(_, id)| *id).collect();
+                as_here = host.accept_late(message, tick, &jumped);
             } else {
                 host.accept(message);
             }
+            let arrival = |(id, epoch)| Arrival { id, epoch, written, as_here: as_here.get(&id).copied() };
+            self.arriving.extend(taken.into_iter().map(arrival));
         }
     }
 
@@ -306,11 +323,13 @@ impl PhysicsDevice {
     fn note_pushes(&mut self, tick: Tick, ops: &[WorldOp]) {
         let lag = self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks());
         self.pushes.retain(|(at, _)| at.0 + lag > tick.0);
+        self.jumps.retain(|(at, _)| at.0 + lag > tick.0);
         for op in ops.iter().filter(|_| lag > 0) {
             match op {
                 WorldOp::Push(push) => self.pushes.push((tick, *push)),
                 WorldOp::Input(input) if input.drive.is_none() => {
                     self.pushes.retain(|(_, push)| push.lasts || push.body != input.body);
+                    self.jumps.extend(input.pose.map(|_| (tick, input.body)));
                 }
                 _ => {}
             }
@@ -318,13 +337,15 @@ impl PhysicsDevice {
     }
 
     /// Applies the pushes that came while their bodies were on the way here, after the bodies' records were
-    /// written.
+    /// written. A body that arrives as its copy is here has had those since it has gone on so, but for forces that last,
+    /// which are as in the record.
     fn push_again(&mut self) {
-        for (id, epoch, written) in std::mem::take(&mut self.arriving) {
+        for Arrival { id, epoch, written, as_here } in std::mem::take(&mut self.arriving) {
             let host = self.host.as_mut().expect("a world comes before commands");
             let is_taken = host.owned(id).is_some_and(|(region, handle)| region.epoch_of(handle) == epoch);
-            for (_, push) in self.pushes.iter().filter(|(at, push)| *at > written && push.body == id) {
-                if is_taken {
+            for (at, push) in self.pushes.iter().filter(|(at, push)| *at > written && push.body == id) {
+                let is_missing = push.lasts || as_here.is_none_or(|since| *at < since);
+                if is_taken && is_missing {
                     host.push(push);
                 }
             }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::process::{Ended, LIMIT, Process, Server, dcd, in_time, playground};
+use crate::process::{Ended, LIMIT, Process, Server, alone, dcd, playground};
 
 /// The longest time that the world may stand still while regions are handed over, on a machine that is busy
 /// with other tests. Meanwhile the server also writes to the disk. On an idle machine it is three or four
@@ -50,7 +50,7 @@ fn all_processes_are_replaced_one_after_the_other_while_the_world_runs() {
 
 #[test]
 fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_under_its_name() {
-    let _seat = in_time();
+    let _by_itself = alone();
     let mut server = Server::start(&[playground().to_str().unwrap(), "--nodes", "3", "--regions", "3"]);
     let data = server.data();
     let identity = server.folder.path().join("identity");

@@ -8,7 +8,7 @@ use dcd::runtime::ClientWorld;
 use dcd_tests::etcd::{Certified, EtcdCluster};
 use dcd_tests::proxy::free_address;
 
-use crate::process::{Process, dcd, in_time, playground, token};
+use crate::process::{Process, alone, dcd, playground, token};
 use crate::witness::{Witness, joining};
 
 /// The longest time that a world with healthy nodes may stand still, on a busy machine.
@@ -156,7 +156,7 @@ impl Takeover {
 /// Checks that joins work again in time. Since the machine itself may delay a run, there are two more
 /// attempts.
 fn is_taken_over_in_time(case: impl Fn() -> Option<Duration>) {
-    let _seat = in_time();
+    let _alone = alone();
     let mut late = Vec::new();
     while let Some(joined) = case() {
         if joined < TAKEOVER {

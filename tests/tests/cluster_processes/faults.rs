@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use dcd::space::{BodyId, ClientId};
 
-use crate::process::{LIMIT, Process, Server, dcd, in_time};
+use crate::process::{LIMIT, Process, Server, alone, dcd};
 use crate::witness::{Sight, Witness};
 
 /// The longest time that a world with healthy nodes may stand still, on a busy machine.
@@ -76,7 +76,7 @@ impl Demo {
 
 #[test]
 fn a_killed_leader_has_a_successor_within_two_seconds() {
-    let _seat = in_time();
+    let _alone = alone();
     // The machine itself may delay an election, so there is a second attempt.
     let elected: Vec<_> = (0..2)
         .map(|_| {
@@ -96,7 +96,7 @@ fn a_killed_leader_has_a_successor_within_two_seconds() {
 
 #[test]
 fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut demo = Demo::start();
     // Twice, so that a restored server is restored again.
     for _ in 0..2 {
@@ -124,7 +124,7 @@ fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
 
 /// A server is away for this long. Its nodes and the watching client wait, and are there when it is back.
 fn is_away_for(away: Duration) {
-    let _seat = in_time();
+    let _alone = alone();
     let mut demo = Demo::start();
     demo.server.process.kill();
     let tick = demo.witness.tick();
@@ -155,7 +155,7 @@ fn a_server_that_is_away_for_forty_seconds_finds_its_nodes_computing() {
 
 #[test]
 fn a_node_that_dies_while_there_is_no_server_is_taken_over_when_it_is_back() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut demo = Demo::start();
     demo.server.process.kill();
     demo.node("n2").kill();
@@ -170,7 +170,7 @@ fn a_node_that_dies_while_there_is_no_server_is_taken_over_when_it_is_back() {
 
 #[test]
 fn a_world_whose_server_and_nodes_all_die_goes_on_from_the_last_checkpoint() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut demo = Demo::start();
     let tick = demo.witness.tick();
     demo.server.process.kill();
@@ -189,7 +189,7 @@ fn a_world_whose_server_and_nodes_all_die_goes_on_from_the_last_checkpoint() {
 
 /// A node stops, is taken over, and rejoins by itself when it resumes.
 fn stop_and_resume_a_node(stop: Duration) {
-    let _seat = in_time();
+    let _alone = alone();
     for name in ["n2", "n1"] {
         let mut demo = Demo::start();
         demo.node(name).signal("-STOP");
@@ -213,7 +213,7 @@ fn stop_and_resume_a_node(stop: Duration) {
 
 /// The server stops and its nodes go on. Nothing needs repair when the server resumes.
 fn stop_and_resume_the_server(stop: Duration) {
-    let _seat = in_time();
+    let _alone = alone();
     let demo = Demo::start();
     demo.server.process.signal("-STOP");
     let stood = demo.witness.watch_for(stop);
@@ -226,7 +226,7 @@ fn stop_and_resume_the_server(stop: Duration) {
 
 /// A client stops and the world goes on. The client's avatar moves again when the client resumes.
 fn stop_and_resume_a_client(stop: Duration) {
-    let _seat = in_time();
+    let _alone = alone();
     let demo = Demo::start();
     let token = demo.server.token("client");
     let args = ["client", "--server", &demo.server.address, "--avatars", "2", "--token", &token];

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -17,38 +17,11 @@ use crate::witness::Witness;
 /// A limit that nothing here comes near, even on a busy machine.
 pub(crate) const LIMIT: Duration = Duration::from_secs(30);
 
-/// The number of tests at a time that measure times. Each waits most of the time.
-const SEATS: usize = 2;
-
-/// A guard of a test that measures times.
-pub(crate) struct Seats(usize);
-
-static TAKEN: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
-
-impl Seats {
-    fn take(seats: usize) -> Self {
-        let taken = TAKEN.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let too_few = |taken: &mut usize| *taken + seats > SEATS;
-        *TAKEN.1.wait_while(taken, too_few).unwrap_or_else(PoisonError::into_inner) += seats;
-        Self(seats)
-    }
-}
-
-impl Drop for Seats {
-    fn drop(&mut self) {
-        *TAKEN.0.lock().unwrap_or_else(PoisonError::into_inner) -= self.0;
-        TAKEN.1.notify_all();
-    }
-}
-
-/// Returns a guard for tests that measure times: few run at a time, and not beside tests that load the machine.
-pub(crate) fn in_time() -> Seats {
-    Seats::take(1)
-}
-
-/// Returns a guard for tests that load the machine: none runs beside them that measures times.
-pub(crate) fn alone() -> Seats {
-    Seats::take(SEATS)
+/// Returns a guard for tests that measure times: they run one after the other, and not beside tests that load
+/// the machine.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    static CLOCK: Mutex<()> = Mutex::new(());
+    CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The program under test.

@@ -1,11 +1,11 @@
 //! Tests recordings of real processes: what they computed is computed again, even by a process that was
 //! killed.
 
-use crate::process::{Process, Server, dcd, in_time, playground};
+use crate::process::{Process, Server, alone, dcd, playground};
 
 #[test]
 fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
-    let _seat = in_time();
+    let _by_itself = alone();
     let recordings = tempfile::tempdir().unwrap();
     let file = |name: &str| recordings.path().join(name).to_str().unwrap().to_owned();
     let scene = playground();

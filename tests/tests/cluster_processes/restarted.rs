@@ -1,11 +1,11 @@
 //! Tests nodes that a supervisor starts again with the same command, as with `Restart=always` of a systemd
 //! unit.
 
-use crate::process::{Process, Server, dcd, in_time};
+use crate::process::{Process, Server, alone, dcd};
 
 #[test]
 fn a_node_that_is_started_again_by_the_same_command_is_who_it_was() {
-    let _seat = in_time();
+    let _by_itself = alone();
     let mut server = Server::playground("2");
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use dcd::protocol::BodyKind;
 use dcd::runtime::{ClientWorld, JoinConfig};
 
-use crate::process::{LIMIT, Server, in_time};
+use crate::process::{LIMIT, Server, alone};
 
 /// The limit of bytes per second over all links of a client, keep-alives included.
 const AT_REST: u64 = 50;
@@ -29,7 +29,7 @@ fn show(client: &mut ClientWorld, time: Duration) -> u64 {
 
 #[test]
 fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
-    let _seat = in_time();
+    let _alone = alone();
     let server = Server::start(&["pyramid", "--set", "base=4", "--nodes", "1", "--regions", "1"]);
     let _node = server.node();
     let address = server.address.parse().unwrap();

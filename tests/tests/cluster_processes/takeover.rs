@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::process::{Server, in_time};
+use crate::process::{Server, alone};
 
 /// The longest time until a killed node's regions go on elsewhere.
 const TAKEOVER: Duration = Duration::from_secs(3);
 
 #[test]
 fn a_killed_node_is_taken_over_within_three_seconds_and_nothing_is_lost() {
-    let _seat = in_time();
+    let _alone = alone();
     for victim in ["n1", "n2"] {
         let mut server = Server::playground("2");
         let mut nodes = [server.node(), server.node()];
@@ -33,7 +33,7 @@ fn a_killed_node_is_taken_over_within_three_seconds_and_nothing_is_lost() {
 
 #[test]
 fn a_new_node_shares_the_world_again_after_a_death() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut server = Server::playground("2");
     let (_first, mut second) = (server.node(), server.node());
     server.view();
@@ -53,7 +53,7 @@ fn a_new_node_shares_the_world_again_after_a_death() {
 
 #[test]
 fn the_server_holds_the_world_when_all_nodes_die_and_the_next_node_goes_on() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut server = Server::playground("2");
     let mut nodes = [server.node(), server.node()];
     server.view();

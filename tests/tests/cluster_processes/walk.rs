@@ -10,7 +10,7 @@ use dcd_tests::etcd::EtcdCluster;
 use dcd_tests::proxy::free_address;
 use serde_json::Value;
 
-use crate::process::{LIMIT, Process, dcd, in_time};
+use crate::process::{LIMIT, Process, alone, dcd};
 use crate::witness::Witness;
 
 /// The longest time that a world which loses no node may stand still, on a busy machine.
@@ -149,7 +149,7 @@ fn text(path: &Path) -> String {
 
 #[test]
 fn an_operator_with_the_manual_drains_upgrades_and_loses_nodes_and_servers_and_no_body() {
-    let _seat = in_time();
+    let _alone = alone();
     let Some(etcd) = EtcdCluster::start(3) else { return };
     let machines = Machines::new(&etcd);
     // Setup.

@@ -4,7 +4,7 @@
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
-use crate::process::{Process, Server, dcd, in_time};
+use crate::process::{Process, Server, alone, dcd};
 use crate::witness::{Sight, Witness};
 use dcd_tests::proxy::{Proxy, Weather, free_address};
 
@@ -161,7 +161,7 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) -> Sight {
 
 #[test]
 fn a_loss_of_five_percent_gives_nobody_up_and_what_is_shown_is_new() {
-    let _seat = in_time();
+    let _alone = alone();
     // The machine itself may delay a run, so there is a second attempt.
     let stale = || goes_on(1, LOSS, IN_LOSS, Duration::from_secs(5)).stale_p99;
     let first = stale();
@@ -206,7 +206,7 @@ fn a_storm_gives_nobody_up() {
 #[test]
 #[ignore = "takes three minutes"]
 fn a_minute_of_each_weather_gives_nobody_up() {
-    let _seat = in_time();
+    let _alone = alone();
     for (seed, weather, pace) in [(11, LOSS, IN_LOSS), (12, DELAY, IN_DELAY), (13, STORM, IN_A_STORM)] {
         goes_on(seed, weather, pace, Duration::from_secs(60));
     }
@@ -230,7 +230,7 @@ fn reallocated(seed: u64, weather: Weather) -> Duration {
 }
 
 fn is_taken_over_within(bound: Duration, weather: Weather) {
-    let _seat = in_time();
+    let _alone = alone();
     // The machine itself may delay a run, so there is a second attempt.
     let first = reallocated(4, weather);
     assert!(first < bound || reallocated(4, weather) < bound, "{first:?}");
@@ -253,7 +253,7 @@ fn a_node_killed_in_a_storm_is_taken_over() {
 
 #[test]
 fn a_cut_of_a_second_is_waited_for() {
-    let _seat = in_time();
+    let _alone = alone();
     let mut cluster = Cluster::start(5);
     cluster.isolate(cluster.nodes[1].address);
     cluster.witness.watch_for(Duration::from_secs(1));
@@ -270,7 +270,7 @@ fn a_cut_of_a_second_is_waited_for() {
 /// Cuts a node off for longer than others wait for it, and checks that it is back among them when the cut
 /// heals.
 fn is_back_after(time: Duration, cut: impl Fn(&Cluster, SocketAddr)) {
-    let _seat = in_time();
+    let _alone = alone();
     let mut cluster = Cluster::start(6);
     cut(&cluster, cluster.nodes[1].address);
     let stood = cluster.witness.watch_for(time);
@@ -306,7 +306,7 @@ fn a_node_that_hears_but_is_not_heard_is_back_within_three() {
 
 #[test]
 fn two_nodes_that_reach_the_server_but_not_one_another_do_not_stop_the_world() {
-    let _seat = in_time();
+    let _alone = alone();
     let cluster = Cluster::start(7);
     let [one, two] = [0, 1].map(|i| Some(cluster.nodes[i].address));
     cluster.proxy.cut(one, two);
@@ -320,7 +320,7 @@ fn two_nodes_that_reach_the_server_but_not_one_another_do_not_stop_the_world() {
 
 #[test]
 fn a_server_that_is_cut_off_is_not_missed() {
-    let _seat = in_time();
+    let _alone = alone();
     let cluster = Cluster::start(8);
     cluster.isolate(cluster.server.address.parse().unwrap());
     let stood = cluster.witness.watch_for(Duration::from_secs(5));

@@ -29,6 +29,8 @@ const STEADY_M_S: f32 = 1.0;
 const MEAN_OVER: f32 = 2.0;
 /// How far a copy that joints hold may be from where its owner had it in the same tick, metres, until it is corrected.
 const APART_M: f64 = 0.05;
+/// The same for its velocity, m/s, where it is handed over.
+const APART_M_S: f32 = 0.5;
 
 /// The courses of copies whose owners' states come late.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -67,26 +69,27 @@ struct Course {
 
 impl Late {
     /// Carries what a message says of bodies forward from its tick to the present one, `now`. Returns the bodies that are
-    /// handed over as they are here, not as their owner told.
+    /// handed over as they are here, each with the tick since which it has gone on so. Those in `as_told` are not.
     pub(super) fn carry_forward(
         &mut self,
         region: &Region,
         message: &mut BorderMessage,
         now: Tick,
         dt_s: f32,
-    ) -> Vec<BodyId> {
+        as_told: &BTreeSet<BodyId>,
+    ) -> BTreeMap<BodyId, Tick> {
         let told = message.tick;
         let late = now.0.saturating_sub(told.0);
         let late_s = late as f64 * f64::from(dt_s);
         self.most = self.most.max(late.min(u64::from(MAX_LAG)));
-        let tied = self.carry_tied_forward(region, message, now, dt_s);
-        let mut as_here = BTreeSet::new();
+        let tied = self.carry_tied_forward(region, message, now, dt_s, as_told);
+        let mut as_here = BTreeMap::new();
         let (courses, gravity) = (&mut self.courses, region.physics().gravity);
         message.carry_forward(|id, pose, velocity| {
             if let Some(here) = tied.get(&id) {
                 (*pose, *velocity) = (here.pose, here.velocity);
                 if !here.is_replayed {
-                    as_here.insert(id);
+                    as_here.insert(id, told);
                 }
                 return;
             }
@@ -96,10 +99,11 @@ impl Late {
             };
             let course = courses.entry(id).or_default();
             let mean = course.take_in(velocity, late);
-            if course.hits.outdate(told, late) {
+            let alone = course.hits.alone_since(told, late).filter(|_| !as_told.contains(&id));
+            if let Some(since) = alone {
                 let state = region.body_state(handle);
                 (*pose, *velocity) = (state.pose, state.velocity);
-                as_here.insert(id);
+                as_here.insert(id, since);
             } else if region.is_pressed(handle) {
                 // What speeds up steadily is ahead of the mean.
                 let is_steady = differ_m_s(&mean, velocity) < STEADY_M_S;
@@ -112,7 +116,8 @@ impl Late {
                 *velocity = add(velocity, falls * late_s as f32);
             }
         });
-        message.transfers.iter().map(|transfer| transfer.body.id).filter(|id| as_here.contains(id)).collect()
+        let handed_over = message.transfers.iter().map(|transfer| transfer.body.id);
+        handed_over.filter_map(|id| Some((id, *as_here.get(&id)?))).collect()
     }
 
     /// Compares copies that joints hold with what a message tells of the same tick. Returns how they are to be now: as they
@@ -123,14 +128,24 @@ impl Late {
         message: &mut BorderMessage,
         now: Tick,
         dt_s: f32,
+        as_told: &BTreeSet<BodyId>,
     ) -> BTreeMap<BodyId, Tied> {
         let (told, tied) = (message.tick, &mut self.tied);
         let late = now.0.saturating_sub(told.0).min(u64::from(MAX_LAG));
+        let handed_over: BTreeSet<_> = message.transfers.iter().map(|transfer| transfer.body.id).collect();
         let (mut told_of, mut off) = (BTreeMap::new(), BTreeSet::new());
         message.carry_forward(|id, pose, velocity| {
             let Some(handle) = copy_of(region, id).filter(|&handle| is_tied(region, handle)) else { return };
             let slot = region.slot(handle);
-            if tied.get(&id).is_none_or(|past| past.is_off(told, pose, slot.reach_m)) {
+            let is_as_told = tied.get(&id).is_some_and(|past| match past.at(told) {
+                // What is handed over is not told of again.
+                Some((_, was, speed)) if handed_over.contains(&id) => {
+                    differ_m(was, pose, slot.reach_m) < APART_M && differ_m_s(speed, velocity) < APART_M_S
+                }
+                Some((_, was, _)) => differ_m(was, pose, slot.reach_m) < APART_M,
+                None => past.is_sure && !handed_over.contains(&id),
+            });
+            if !is_as_told || as_told.contains(&id) {
                 off.extend(slot.assembly);
             }
             told_of.insert(id, (handle, slot.assembly, *pose, *velocity));
@@ -169,10 +184,9 @@ impl Late {
         for link in region.replicas().iter().filter(|link| is_here(link.id)) {
             let state = region.body_state(link.handle);
             let states = &mut self.tied.entry(link.id).or_default().states;
+            // A tick may have several substeps.
+            states.retain(|(of, ..)| *of != tick && of.0 + self.most >= tick.0);
             states.push_back((tick, state.pose, state.velocity));
-            while states.len() as u64 > self.most + 1 {
-                states.pop_front();
-            }
         }
     }
 
@@ -198,10 +212,9 @@ impl Course {
 }
 
 impl Past {
-    /// Returns whether the copy was not where its owner told that it was after a tick.
-    fn is_off(&self, told: Tick, pose: &WorldPose, reach_m: f32) -> bool {
-        let then = self.states.iter().find(|(tick, ..)| *tick == told);
-        then.map_or(!self.is_sure, |(_, was, _)| differ_m(was, pose, reach_m) > APART_M)
+    /// Returns what is known of a tick.
+    fn at(&self, tick: Tick) -> Option<&(Tick, WorldPose, Velocity)> {
+        self.states.iter().find(|(of, ..)| *of == tick)
     }
 }
 
@@ -225,9 +238,9 @@ fn add(velocity: &Velocity, change: Vector) -> Velocity {
     Velocity { linear: (Vector::from(velocity.linear) + change).into(), ..*velocity }
 }
 
-/// Returns whether impulse joints hold a body.
+/// Returns whether a body is held by impulse joints and by nothing that Rapier knows nothing of.
 fn is_tied(region: &Region, handle: RigidBodyHandle) -> bool {
-    region.is_jointed(handle) && !region.is_articulated(handle)
+    region.is_jointed(handle) && region.is_auditable(handle)
 }
 
 /// Returns the copy of a dynamic body that another region owns.
@@ -239,7 +252,7 @@ fn copy_of(region: &Region, id: BodyId) -> Option<RigidBodyHandle> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::VecDeque;
+    use std::collections::{BTreeSet, VecDeque};
 
     use rapier3d::prelude::*;
 
@@ -292,7 +305,7 @@ mod tests {
                     let now = host.tick().next();
                     match self.late {
                         0 => host.accept(message),
-                        _ => self.as_here += host.accept_late(message, now).len(),
+                        _ => self.as_here += host.accept_late(message, now, &BTreeSet::new()).len(),
                     }
                 }
             }

@@ -35,6 +35,8 @@ mod shared;
 mod strike;
 mod sweep;
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rapier3d::prelude::{RigidBodyHandle, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -147,9 +149,15 @@ impl Side {
     }
 
     /// Carries what a message of an earlier tick says forward to the present one. Returns the bodies that are handed over
-    /// as they are here, not as their owner told.
-    pub(super) fn carry_forward(&mut self, message: &mut BorderMessage, now: Tick, dt_s: f32) -> Vec<BodyId> {
-        self.border.late.carry_forward(&self.region, message, now, dt_s)
+    /// as they are here, each with the tick since which it has gone on so. Those in `as_told` are not.
+    pub(super) fn carry_forward(
+        &mut self,
+        message: &mut BorderMessage,
+        now: Tick,
+        dt_s: f32,
+        as_told: &BTreeSet<BodyId>,
+    ) -> BTreeMap<BodyId, Tick> {
+        self.border.late.carry_forward(&self.region, message, now, dt_s, as_told)
     }
 
     /// Returns the regions that must be at the same time as this one: those with which it shares bodies, or

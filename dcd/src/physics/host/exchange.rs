@@ -1,6 +1,7 @@
 //! Exchanges the messages of regions after a substep: among the regions here, and with those computed
 //! elsewhere.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use super::{HostError, RegionHost};
@@ -24,13 +25,18 @@ impl RegionHost {
     }
 
     /// Accepts a message that was written after an earlier tick than `now`, the last one computed here. What it says of
-    /// bodies is carried forward to that tick. Returns the bodies that are handed over as they are here, with all that was
-    /// done to them on the way, and not as their owner told.
-    pub fn accept_late(&mut self, mut message: BorderMessage, now: Tick) -> Vec<BodyId> {
+    /// bodies is carried forward to that tick. Returns the bodies that are handed over as they are here, each with the tick
+    /// since which all that was done to it here is in that. Those in `as_told` are taken as their owner told.
+    pub fn accept_late(
+        &mut self,
+        mut message: BorderMessage,
+        now: Tick,
+        as_told: &BTreeSet<BodyId>,
+    ) -> BTreeMap<BodyId, Tick> {
         let rank = self.partition.rank_of(message.to).expect("messages go to regions of this tree");
         let dt_s = self.settings.dt_s;
         let place = self.place_of[rank];
-        let as_here = place.map(|place| self.sides[place].carry_forward(&mut message, now, dt_s));
+        let as_here = place.map(|place| self.sides[place].carry_forward(&mut message, now, dt_s, as_told));
         self.accept(message);
         as_here.unwrap_or_default()
     }

@@ -1,8 +1,6 @@
 //! Leads bodies after another group that is authoritative for them (inter-group correction, thesis 3.3.8), unless they were
 //! just hit here.
 
-use std::collections::BTreeMap;
-
 use rapier3d::prelude::*;
 
 use crate::cluster::{correction, deviation_m};
@@ -18,10 +16,10 @@ const FORGET_TICKS: u64 = 60;
 pub(super) struct Led {
     /// When a body was led last; `None` where none was of late.
     last: Option<Tick>,
-    /// By how many ticks what was told of bodies came late at most.
+    /// By how many ticks what was told of bodies then came late at most.
     late: u64,
-    /// The bodies that do not sleep. A body is led first when it has come off its course, maybe by a hit.
-    hits: BTreeMap<BodyId, Hits>,
+    /// The bodies that do not sleep, in id order. A body is led first when it has come off its course, maybe by a hit.
+    hits: Vec<(BodyId, Hits)>,
 }
 
 impl Led {
@@ -34,9 +32,11 @@ impl Led {
         let now = host.tick();
         let late = now.0.saturating_sub(told.0);
         let lag_s = (now.0 as f64 - told.0 as f64) * f64::from(host.settings().dt_s);
-        (self.last, self.late) = (Some(now), self.late.max(late));
+        let until_now = if self.last == Some(now) { self.late } else { 0 };
+        (self.last, self.late) = (Some(now), until_now.max(late.min(FORGET_TICKS)));
         for state in states {
-            if !self.hits.get(&state.id).is_some_and(|hits| hits.outdate(told, late)) {
+            let known = self.hits.binary_search_by_key(&state.id, |(id, _)| *id);
+            if !known.is_ok_and(|at| self.hits[at].1.outdate(told, late)) {
                 lead(host, state, lag_s, band_m);
             }
         }
@@ -44,16 +44,17 @@ impl Led {
 
     /// Notes how bodies move before a step.
     pub(super) fn look_ahead(&mut self, host: &RegionHost) {
-        let mut known = std::mem::take(&mut self.hits);
+        let mut known = std::mem::take(&mut self.hits).into_iter().peekable();
         let is_of_late = |last: &Tick| last.0 + FORGET_TICKS > host.tick().0;
         if !self.last.as_ref().is_some_and(is_of_late) {
             *self = Self::default();
             return;
         }
-        for (id, (region, handle)) in free_copies(host) {
-            let mut hits = known.remove(&id).unwrap_or_default();
+        for (id, region, handle) in free_copies(host) {
+            while known.next_if(|(other, _)| *other < id).is_some() {}
+            let mut hits = known.next_if(|(other, _)| *other == id).unwrap_or_default().1;
             hits.look_ahead(&region.physics().bodies[handle]);
-            self.hits.insert(id, hits);
+            self.hits.push((id, hits));
         }
     }
 
@@ -62,25 +63,27 @@ impl Led {
         if self.hits.is_empty() {
             return;
         }
-        for (id, (region, handle)) in free_copies(host) {
-            if let Some(hits) = self.hits.get_mut(&id) {
+        let mut known = self.hits.iter_mut().peekable();
+        for (id, region, handle) in free_copies(host) {
+            while known.next_if(|(other, _)| *other < id).is_some() {}
+            if let Some((_, hits)) = known.next_if(|(other, _)| *other == id) {
                 hits.look_back(region, handle, host.tick(), self.late, host.settings().dt_s);
             }
         }
     }
 }
 
-/// Returns a copy of each dynamic body here that does not sleep and is free of joints, the owner's if it is here. Joints pull
-/// in every tick, so a hit is not told from that.
-fn free_copies(host: &RegionHost) -> BTreeMap<BodyId, (&Region, RigidBodyHandle)> {
-    let mut copies = BTreeMap::new();
-    for (id, role, region, handle) in host.awake_copies() {
-        let is_free = region.physics().bodies[handle].is_dynamic() && !region.is_jointed(handle);
-        if is_free && (role == Ownership::Owner || !copies.contains_key(&id)) {
-            copies.insert(id, (region, handle));
-        }
-    }
-    copies
+/// Returns a copy of each dynamic body here that does not sleep and is free of joints, in id order, the owner's if it is here.
+/// Joints pull in every tick, so a hit is not told from that.
+fn free_copies(host: &RegionHost) -> Vec<(BodyId, &Region, RigidBodyHandle)> {
+    let is_free = |region: &Region, handle: RigidBodyHandle| {
+        region.physics().bodies[handle].is_dynamic() && !region.is_jointed(handle)
+    };
+    let mut copies: Vec<_> =
+        host.awake_copies().filter(|(.., region, handle)| is_free(region, *handle)).collect();
+    copies.sort_by_key(|(id, role, ..)| (*id, *role != Ownership::Owner));
+    copies.dedup_by_key(|(id, ..)| *id);
+    copies.into_iter().map(|(id, _, region, handle)| (id, region, handle)).collect()
 }
 
 /// Corrects a body towards its authoritative state in another group.

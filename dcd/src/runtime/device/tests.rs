@@ -148,15 +148,30 @@ fn a_push_on_a_body_that_is_on_its_way_here_is_not_lost() {
         let accept = PhysicsCommand::Accept { tick, round: 0, incoming, report, checkpoint, load: false };
         physics.run(accept).unwrap();
     };
-    accept(&mut physics, Tick(0), vec![]);
-    let [thrown, drawn, stopped] = [1, 2, 3].map(BodyId::persistent);
+    let [thrown, drawn, stopped, held] = [1, 2, 3, 4].map(BodyId::persistent);
+    // Of one body there is a copy here, which shows what was done to it.
+    let mut copy = sim_body(held, [7.0, 4.0, 1.0]);
+    Arc::make_mut(&mut copy.traits).extra_mass = Some(ExtraMass::Mass(2.0));
+    let tell = BorderMessage { from, to, tick: Tick(0), ..BorderMessage::default() };
+    accept(&mut physics, Tick(0), vec![BorderMessage { replicas: vec![copy.clone()], ..tell.clone() }]);
+    let states = vec![SharedState {
+        id: held,
+        owner: from,
+        epoch: copy.epoch,
+        pose: copy.state.pose,
+        velocity: copy.state.velocity,
+        sleeping: false,
+    }];
+    let tell = BorderMessage { states, ..tell };
     let transfer = |id: BodyId| {
         let mut body = sim_body(id, [9.0, f64::from(id.bits() as u8), 1.0]);
         body.epoch = Epoch(1);
         Arc::make_mut(&mut body.traits).extra_mass = Some(ExtraMass::Mass(2.0));
         Transfer { body, holders: RegionSet::EMPTY, whole: false }
     };
-    let transfers = [thrown, drawn, stopped].map(transfer).to_vec();
+    let transfers = [thrown, drawn, stopped].map(transfer).into_iter();
+    let body = BodyRecord { epoch: Epoch(copy.epoch.0 + 1), ..copy };
+    let transfers = transfers.chain([Transfer { body, holders: RegionSet::EMPTY, whole: false }]).collect();
     let message = BorderMessage { from, to, tick: Tick(1), transfers, ..BorderMessage::default() };
     let impulse = |id| WorldOp::Push(Push::impulse(id, [4.0, 0.0, 0.0]));
     let halt = crate::protocol::Input {
@@ -169,17 +184,28 @@ fn a_push_on_a_body_that_is_on_its_way_here_is_not_lost() {
     };
     let ops = [
         vec![impulse(thrown)],
-        vec![impulse(stopped), WorldOp::Push(Push::force(drawn, [5.0, 0.0, 0.0], [0.0; 3]))],
+        vec![
+            impulse(stopped),
+            WorldOp::Push(Push::force(drawn, [5.0, 0.0, 0.0], [0.0; 3])),
+            impulse(held),
+            WorldOp::Push(Push::force(held, [0.0, 5.0, 0.0], [0.0; 3])),
+        ],
         vec![WorldOp::Input(halt), impulse(thrown)],
     ];
     for (ops, tick) in ops.into_iter().zip(1..).map(|(ops, tick)| (ops, Tick(tick))) {
         physics.run(PhysicsCommand::Step { tick, rounds: 1, ops }).unwrap();
-        accept(&mut physics, tick, if tick == Tick(3) { vec![message.clone()] } else { vec![] });
+        let heard = match tick.0 {
+            1 => vec![tell.clone()],
+            3 => vec![message.clone()],
+            _ => vec![],
+        };
+        accept(&mut physics, tick, heard);
     }
     let state = |id| physics.host().unwrap().record(id).unwrap().state;
     assert_eq!(state(thrown).velocity.linear, [2.0, 0.0, 0.0], "not what is in the message");
     assert_eq!(state(drawn).force, [5.0, 0.0, 0.0]);
     assert_eq!(state(stopped).velocity.linear, [0.0; 3]);
+    assert_eq!((state(held).velocity.linear[0], state(held).force), (2.0, [0.0, 5.0, 0.0]), "once");
 }
 
 #[test]

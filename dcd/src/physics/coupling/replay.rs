@@ -11,6 +11,8 @@ use crate::protocol::{Velocity, WorldPose};
 
 /// The distance, metres, around each body within which what it may touch is copied too.
 const AROUND_M: f32 = 0.1;
+/// The most substeps of a tick that are computed again.
+const MOST_SUBSTEPS: f32 = 16.0;
 
 /// Returns how bodies of a region that were so `ticks` ago move by now, in the same order. What they may touch on the way,
 /// or what joints tie to them, comes to where it is now as it moves now, and yields to nothing.
@@ -51,7 +53,8 @@ pub(super) fn replay(
         // Each joint is found from both of its bodies.
         joints.insert(joint.into_raw_parts(), (a, b, data.data));
     }
-    let steps = ticks * u64::from((dt_s / physics.integration_parameters.dt).round().max(1.0) as u32);
+    let substeps = (dt_s / physics.integration_parameters.dt).round().clamp(1.0, MOST_SUBSTEPS);
+    let steps = ticks * substeps as u64;
     let earlier_s = -(steps as f64) * f64::from(physics.integration_parameters.dt);
     for (index, generation) in around {
         let handle = RigidBodyHandle::from_raw_parts(index, generation);

@@ -497,6 +497,38 @@ mod tests {
     }
 
     #[test]
+    fn a_chain_that_hangs_from_a_trolley_goes_along_into_another_region_however_late_that_hears() {
+        let carried = |late| {
+            let mut scene = Scene::empty("trolley");
+            let trolley = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 2.0);
+            scene.push(WorldPose::at([-6.0, 3.0, 0.0]), trolley, ColliderBuilder::cuboid(0.2, 0.1, 0.2));
+            for a in 0..4 {
+                let body = RigidBodyBuilder::dynamic().can_sleep(false).linvel(Vector::X * 2.0);
+                let at = WorldPose::at([-6.0, 2.5 - 0.5 * a as f64, 0.0]);
+                let b = scene.push(at, body, ColliderBuilder::cuboid(0.1, 0.2, 0.1));
+                let at_ends = SphericalJointBuilder::new()
+                    .local_anchor1(Vector::Y * -0.25)
+                    .local_anchor2(Vector::Y * 0.25);
+                scene.joints.push(SceneJoint { a, b, joint: at_ends.into(), multibody: None });
+            }
+            let mut apart = Apart::new(&scene, late);
+            (0..360).for_each(|_| apart.step());
+            while apart.states().len() < 5 {
+                apart.step();
+            }
+            let states = apart.states();
+            let at = |i: usize| states[i].2.translation;
+            (at(4)[0] - at(0)[0], at(4)[1])
+        };
+        let at_once = carried(0);
+        for late in [1, 3, 6, 12] {
+            let end = carried(late);
+            let off_m = (end.0 - at_once.0).abs().max((end.1 - at_once.1).abs());
+            assert!(off_m < 1e-3, "{late} ticks late, its end is at {end:?}, not {at_once:?}");
+        }
+    }
+
+    #[test]
     fn a_chain_that_hits_a_ball_over_the_border_gains_little_energy_however_late_each_region_hears_of_the_other()
      {
         for speed in [2.0, 8.0] {

@@ -11,6 +11,7 @@ use crate::page;
 use crate::results::Measured;
 
 pub(super) const SHOWN: Shown<Row> = Shown { name: "faults-contact", table, picture: None };
+
 /// All seeds of one scene under one kind of faults. The quantities are in parts of their gates.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Row {

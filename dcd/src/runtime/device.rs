@@ -55,7 +55,7 @@ pub struct PhysicsDevice {
     pushes: Vec<(Tick, Push)>,
     /// The bodies that jumped in the last ticks, each with the tick, for as long.
     jumps: Vec<(Tick, BodyId)>,
-    /// What is known of bodies while some follow another group.
+    /// The hits of bodies, while some follow another group.
     led: Led,
     /// Bodies that are being taken over.
     arriving: Vec<Arrival>,

@@ -27,7 +27,8 @@ use crate::space::{BodyId, Tick};
 const STEADY_M_S: f32 = 1.0;
 /// Over how many times as long as states come late the mean of velocities reaches.
 const MEAN_OVER: f32 = 2.0;
-/// How far a copy that joints hold may be from where its owner had it in the same tick, metres, until it is corrected.
+/// The distance, metres, of a copy that joints hold from where its owner had it in the same tick, from which on it is
+/// computed again.
 const APART_M: f64 = 0.05;
 /// The same for its velocity, m/s, where it is handed over.
 const APART_M_S: f32 = 0.5;
@@ -51,7 +52,7 @@ struct Past {
     states: VecDeque<(Tick, WorldPose, Velocity)>,
 }
 
-/// How a copy that joints hold is to be now.
+/// The state that a copy that joints hold is to have now.
 struct Tied {
     pose: WorldPose,
     velocity: Velocity,
@@ -179,9 +180,9 @@ impl Late {
         if self.most == 0 {
             return;
         }
-        let is_here = |id| copy_of(region, id).is_some_and(|handle| is_tied(region, handle));
-        self.tied.retain(|&id, _| is_here(id));
-        for link in region.replicas().iter().filter(|link| is_here(link.id)) {
+        let is_here = |handle| is_tied(region, handle) && region.physics().bodies[handle].is_dynamic();
+        self.tied.retain(|&id, _| copy_of(region, id).is_some_and(is_here));
+        for link in region.replicas().iter().filter(|link| is_here(link.handle)) {
             let state = region.body_state(link.handle);
             let states = &mut self.tied.entry(link.id).or_default().states;
             // A tick may have several substeps.
@@ -266,7 +267,7 @@ mod tests {
         hosts: Vec<RegionHost>,
         under_way: VecDeque<Vec<BorderMessage>>,
         late: usize,
-        /// How many bodies were handed over as they were here, not as their owner told.
+        /// The number of bodies that were handed over as they were here, not as their owner told.
         as_here: usize,
     }
 
@@ -540,7 +541,7 @@ mod tests {
         }
     }
 
-    /// What pushes it on the way has been done to the copy already, and must not be done again.
+    /// Pushes on the way have been done to the copy already, and must not be done again.
     #[test]
     fn a_body_that_is_pushed_while_it_is_handed_over_arrives_as_it_is_here_and_says_so() {
         let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("ball") };

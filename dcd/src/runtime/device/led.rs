@@ -11,7 +11,7 @@ use crate::space::{BodyId, Tick};
 /// For how many ticks after a body was led hits are noted.
 const FORGET_TICKS: u64 = 60;
 
-/// What is known of the bodies of a world in which some are led.
+/// The hits of the bodies of a world in which some are led.
 #[derive(Clone, Default)]
 pub(super) struct Led {
     /// When a body was led last; `None` where none was of late.

@@ -583,7 +583,7 @@ typedef struct DcdServerDef {
     const DcdWorldDef *world;
     // Local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays the program's.
     // Bodies keep their user data, and have other handles in the worlds that join. With it, `scene`, `params` and `world` are
-    // null.
+    // null. Callbacks (hooks) and the strengths of joints stay behind: a served world has none.
     DcdWorld source;
     // How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     const DcdGroupDef *groups;
@@ -1163,7 +1163,7 @@ typedef struct DcdJointInfo {
     // Position: angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
     float position;
     // Force in the last step that held the axes along x, y and z of frame_a that the joint locks, newtons. Rapier mixes what it
-    // solves, so take it for an estimate, such as of what should break the joint.
+    // solves, so take it for an estimate, such as of what should break the joint. 0 in a served world, where it is not told.
     float force[3];
     // Natural frequency, hertz, as in DcdJointDef.
     float natural_frequency;
@@ -1526,8 +1526,9 @@ typedef struct DcdTransfer {
 } DcdTransfer;
 
 // Change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
-// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. In a local world
-// nothing is reported.
+// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. A body that is
+// gone and appears in the same step may be another one by the same id, or is altered: the world went back to a save. Look at it anew.
+// In a local world, and to the server's own program, nothing is reported.
 typedef struct DcdBodyChange {
     // The body; null when a refusal concerns none.
     DcdBodyId body;
@@ -1602,7 +1603,8 @@ typedef struct DcdEventView {
     uint32_t struct_size;
     // DCD_EVENTS_… bits.
     uint32_t flags;
-    // Number of the step in which the events happened.
+    // Number of the step in which the events happened; in a served world that of the newest tick heard of, while the events are
+    // of all ticks since the call before.
     uint64_t tick;
     // Contacts that began or ended, in order of their bodies.
     const DcdContact *contacts;
@@ -2601,7 +2603,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // - Steps. dcd_step takes in what has come since the last, and returns at once: call it as often as dt says.
 // - Lost server. A server that is out of reach is dialled again for half a minute (DcdClientDef.give_up_ms). Meanwhile the world
 //   goes on as long as nodes compute it, and avatars can be moved. Avatars that are created or destroyed meanwhile are so once the
-//   server is back. After that time, or when the world has ended, each dcd_step returns DCD_ERR_NETWORK. The world can still be
+//   server is back. After that time, or when the world has ended or its server is back with another one, each dcd_step returns DCD_ERR_NETWORK. The world can still be
 //   read, and must be destroyed.
 // - Events. The bodies that are there on joining are not reported: list them once by dcd_bodies, and follow dcd_events from then
 //   on. Contacts are reported of the client's own avatars, if these ask for them.
@@ -2997,7 +2999,7 @@ DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 // Errors:
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID.
 // - DCD_ERR_ARGUMENT: a body that is not dynamic, or that would be faster than DCD_MAX_NUMBER. Forces and impulses themselves may
-//   be larger.
+//   be larger. Servers and builders do not know masses: there the nodes leave out what would make the body so fast.
 // - DCD_ERR_UNSUPPORTED: clients that may not build, participants and nodes.
 DCD_API
 DcdStatus dcd_body_apply_impulse(DcdWorld world,
@@ -4145,8 +4147,9 @@ DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
 // on, and a digest of each region after each step. From that, `dcd replay FILE` computes the world again, bit for bit, and `dcd
 // diff` finds where two recordings differ.
 //
-// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends. Servers,
-// nodes and participants are recorded from their beginning, by `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
+// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends, and a
+// file that is there is replaced. Servers, nodes and participants are recorded from their beginning, by `record_path` of
+// DcdServerDef, DcdNodeDef and DcdParticipantDef.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED (in a served world).
 DCD_API DcdStatus dcd_record(DcdWorld world, const char *path);
 
@@ -4199,8 +4202,8 @@ DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
 // Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into any other, which
 // loses what it held. Threads and shapes stay those of this world. All else is as saved, gravity and regions too.
 //
-// - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. Ids that are given later
-//   are new. dcd_body_at finds bodies by number.
+// - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. If
+//   the snapshot is of another world, other bodies may have them: then forget all ids. Ids that are given later are new. dcd_body_at finds bodies by number.
 // - Views. dcd_state_view and dcd_events are as after the last step before saving, except for the user_data of bodies that were
 //   destroyed, which is 0.
 // - Server. Its world goes on with the bodies and joints of the snapshot, for all nodes and clients. Its ticks and regions go on,

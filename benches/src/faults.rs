@@ -12,6 +12,7 @@ use std::thread::available_parallelism;
 use clap::Args;
 use dcd::sim::{self, FaultProfile, TrialConfig, simulate};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{Output, Sheet, Shown};
@@ -25,6 +26,9 @@ const SHOWN: Shown<Row> = Shown { name: "faults", table, picture: None };
 pub(crate) struct Faults {
     #[command(flatten)]
     output: Output,
+    /// Only these faults; rows of others stay in the files.
+    #[arg(long, value_delimiter = ',', value_name = "FAULTS")]
+    faults: Vec<FaultProfile>,
     /// Seeds per row.
     #[arg(long, default_value_t = 1_000, conflicts_with = "quick")]
     seeds: u64,
@@ -56,19 +60,37 @@ impl Faults {
             if self.output.quick { (1, 1) } else { (self.seeds, self.contact_seeds) };
         // A state machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
-        let rows = self.output.fill(&SHOWN, |rows| measure_all(rows, 0..seeds))?;
-        let contact = self.output.fill(&contact::SHOWN, |rows| contact::measure(rows, 0..contact_seeds))?;
+        let profiles = if self.faults.is_empty() { &FaultProfile::TABLE } else { &self.faults[..] };
+        let rows = self.output.fill(&SHOWN, |rows| {
+            self.begin(rows)?;
+            measure_all(rows, profiles, 0..seeds)
+        })?;
+        let contact = self.output.fill(&contact::SHOWN, |rows| {
+            self.begin(rows)?;
+            contact::measure(rows, profiles, 0..contact_seeds)
+        })?;
         drop(std::panic::take_hook());
         let holds = rows.iter().all(|row| row.row.holds()) && contact.iter().all(|row| row.row.holds());
         Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
     }
+
+    /// Begins with the rows that are not measured anew.
+    fn begin<R: Serialize + DeserializeOwned>(&self, rows: &mut Sheet<R>) -> Result<(), Box<dyn Error>> {
+        if self.faults.is_empty() { Ok(()) } else { rows.recall() }
+    }
 }
 
-fn measure_all(rows: &mut Sheet<Row>, seeds: Range<u64>) -> Result<(), Box<dyn Error>> {
-    let bar = bar(FaultProfile::TABLE.len() as u64 * seeds.end)?;
-    for profile in FaultProfile::TABLE {
+fn measure_all(
+    rows: &mut Sheet<Row>,
+    profiles: &[FaultProfile],
+    seeds: Range<u64>,
+) -> Result<(), Box<dyn Error>> {
+    let bar = bar(profiles.len() as u64 * seeds.end)?;
+    for &profile in profiles {
         bar.set_message(profile.name());
-        rows.push(Row::of(&measure(&TrialConfig::default(), profile, seeds.clone(), &bar)))?;
+        let row = Row::of(&measure(&TrialConfig::default(), profile, seeds.clone(), &bar));
+        let row = rows.measured(row);
+        rows.replace(|old| old.faults == profile.name(), [row])?;
     }
     bar.finish_and_clear();
     Ok(())

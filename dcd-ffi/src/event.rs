@@ -152,8 +152,9 @@ pub const DCD_REFUSED_MAY_NOT_BUILD: u32 = 11;
 pub const DCD_REFUSED_NOT_TO_BE_BUILT: u32 = 12;
 
 /// Change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
-/// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. In a local world
-/// nothing is reported.
+/// reported. An avatar that is destroyed before it has appeared is reported to appear, and then to be gone. A body that is
+/// gone and appears in the same step may be another one by the same id, or is altered: the world went back to a save. Look at it anew.
+/// In a local world, and to the server's own program, nothing is reported.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyChange {
@@ -195,7 +196,8 @@ pub struct DcdEventView {
     pub struct_size: u32,
     /// DCD_EVENTS_… bits.
     pub flags: u32,
-    /// Number of the step in which the events happened.
+    /// Number of the step in which the events happened; in a served world that of the newest tick heard of, while the events are
+    /// of all ticks since the call before.
     pub tick: u64,
     /// Contacts that began or ended, in order of their bodies.
     pub contacts: *const DcdContact,
@@ -347,7 +349,9 @@ impl EventBuffers {
         arrays.changes.refill(changes.len()).extend(changes.iter().map(|change| {
             let (body, kind, reason, user_data) = match *change {
                 BodyChange::Appeared(id) => (Some(id), DCD_BODY_APPEARED, 0, user(id)),
-                BodyChange::Removed(id) => (Some(id), DCD_BODY_REMOVED, 0, user(id)),
+                BodyChange::Removed { body, user_data } => {
+                    (Some(body), DCD_BODY_REMOVED, 0, user_data as u64)
+                }
                 BodyChange::Refused { body, why, user_data } => {
                     (body, DCD_BODY_REFUSED, code_of(why), user_data as u64)
                 }

@@ -104,7 +104,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 /// - Steps. dcd_step takes in what has come since the last, and returns at once: call it as often as dt says.
 /// - Lost server. A server that is out of reach is dialled again for half a minute (DcdClientDef.give_up_ms). Meanwhile the world
 ///   goes on as long as nodes compute it, and avatars can be moved. Avatars that are created or destroyed meanwhile are so once the
-///   server is back. After that time, or when the world has ended, each dcd_step returns DCD_ERR_NETWORK. The world can still be
+///   server is back. After that time, or when the world has ended or its server is back with another one, each dcd_step returns DCD_ERR_NETWORK. The world can still be
 ///   read, and must be destroyed.
 /// - Events. The bodies that are there on joining are not reported: list them once by dcd_bodies, and follow dcd_events from then
 ///   on. Contacts are reported of the client's own avatars, if these ask for them.

@@ -149,7 +149,7 @@ pub struct DcdJointInfo {
     /// Position: angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
     pub position: f32,
     /// Force in the last step that held the axes along x, y and z of frame_a that the joint locks, newtons. Rapier mixes what it
-    /// solves, so take it for an estimate, such as of what should break the joint.
+    /// solves, so take it for an estimate, such as of what should break the joint. 0 in a served world, where it is not told.
     pub force: [f32; 3],
     /// Natural frequency, hertz, as in DcdJointDef.
     pub natural_frequency: f32,

@@ -13,8 +13,9 @@ use crate::status::{DCD_ERR_IO, DcdStatus, Failure};
 /// on, and a digest of each region after each step. From that, `dcd replay FILE` computes the world again, bit for bit, and `dcd
 /// diff` finds where two recordings differ.
 ///
-/// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends. Servers,
-/// nodes and participants are recorded from their beginning, by `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
+/// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends, and a
+/// file that is there is replaced. Servers, nodes and participants are recorded from their beginning, by `record_path` of
+/// DcdServerDef, DcdNodeDef and DcdParticipantDef.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record(world: DcdWorld, path: *const c_char) -> DcdStatus {

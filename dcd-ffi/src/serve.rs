@@ -61,7 +61,7 @@ pub struct DcdServerDef {
     pub world: *const DcdWorldDef,
     /// Local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays the program's.
     /// Bodies keep their user data, and have other handles in the worlds that join. With it, `scene`, `params` and `world` are
-    /// null.
+    /// null. Callbacks (hooks) and the strengths of joints stay behind: a served world has none.
     pub source: DcdWorld,
     /// How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     pub groups: *const DcdGroupDef,

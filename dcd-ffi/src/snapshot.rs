@@ -64,8 +64,8 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
 /// Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into any other, which
 /// loses what it held. Threads and shapes stay those of this world. All else is as saved, gravity and regions too.
 ///
-/// - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. Ids that are given later
-///   are new. dcd_body_at finds bodies by number.
+/// - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. If
+///   the snapshot is of another world, other bodies may have them: then forget all ids. Ids that are given later are new. dcd_body_at finds bodies by number.
 /// - Views. dcd_state_view and dcd_events are as after the last step before saving, except for the user_data of bodies that were
 ///   destroyed, which is 0.
 /// - Server. Its world goes on with the bodies and joints of the snapshot, for all nodes and clients. Its ticks and regions go on,

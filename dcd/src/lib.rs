@@ -88,6 +88,8 @@ pub mod net;
 pub mod physics;
 #[cfg(all(feature = "net", feature = "physics"))]
 mod prediction;
+#[cfg(feature = "net")]
+mod priority;
 #[cfg(feature = "physics")]
 #[doc(hidden)]
 pub mod runtime;

@@ -85,6 +85,10 @@ fn the_first_difference_of_two_recordings_is_told() {
     let nothing = dcd(folder, "diff a.dcdr begun.dcdr");
     assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
     assert!(String::from_utf8_lossy(&nothing.stderr).contains("nothing was compared"), "{nothing:?}");
+    let nothing = dcd(folder, "replay begun.dcdr --check");
+    assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
+    let words = String::from_utf8_lossy(&nothing.stderr);
+    assert!(words.contains("no tick is on record") && !words.contains("name one"), "{words}");
 }
 
 #[test]

@@ -195,11 +195,11 @@ fn a_body_that_goes_and_comes_again_between_two_steps_is_told_in_that_order() {
     });
     let mut told = Vec::new();
     until("the other hears of both", &mut [&mut stalls], |worlds| {
-        let of_it = |change: &&BodyChange| matches!(change, BodyChange::Appeared(id) | BodyChange::Removed(id) if *id == first);
+        let of_it = |change: &&BodyChange| matches!(change, BodyChange::Appeared(id) | BodyChange::Removed { body: id, .. } if *id == first);
         told.extend(worlds[0].changes().iter().filter(of_it).copied());
         told.len() > 1
     });
-    assert_eq!(told, [BodyChange::Removed(first), BodyChange::Appeared(first)]);
+    assert!(matches!(told[..], [BodyChange::Removed { .. }, BodyChange::Appeared(_)]), "{told:?}");
     assert!(stalls.contains(first));
 }
 

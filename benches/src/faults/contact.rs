@@ -84,13 +84,19 @@ impl Row {
 }
 
 /// Runs the scenes, and writes each row when it is done.
-pub(super) fn measure(rows: &mut Sheet<Row>, seeds: Range<u64>) -> Result<(), Box<dyn Error>> {
-    let bar = super::bar((FaultProfile::TABLE.len() * ContactScene::ALL.len()) as u64 * seeds.end)?;
-    for profile in FaultProfile::TABLE {
+pub(super) fn measure(
+    rows: &mut Sheet<Row>,
+    profiles: &[FaultProfile],
+    seeds: Range<u64>,
+) -> Result<(), Box<dyn Error>> {
+    let bar = super::bar((profiles.len() * ContactScene::ALL.len()) as u64 * seeds.end)?;
+    for &profile in profiles {
         for scene in ContactScene::ALL {
             bar.set_message(format!("{} of a {scene}", profile.name()));
             let config = TrialConfig { begin: scene.begin(), ..TrialConfig::default() };
-            rows.push(Row::of(scene, &super::measure(&config, profile, seeds.clone(), &bar)))?;
+            let row = Row::of(scene, &super::measure(&config, profile, seeds.clone(), &bar));
+            let row = rows.measured(row);
+            rows.replace(|old| old.faults == profile.name() && old.scene == scene.name(), [row])?;
         }
     }
     bar.finish_and_clear();

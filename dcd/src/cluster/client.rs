@@ -130,6 +130,8 @@ pub enum ClientOutput {
     Node(FromClient),
     /// The whole world has arrived.
     Joined,
+    /// The world has ended: its server serves another one now.
+    WorldEnded,
     /// A body appeared.
     Inserted(BodyId),
     /// A body disappeared.
@@ -183,6 +185,10 @@ pub struct Client {
     relinked: bool,
     /// Says whether it has had a whole world, so that bodies that it is told of since have appeared.
     has_arrived: bool,
+    /// Which of the worlds that its server served one after the other it is in, once it is told.
+    incarnation: Option<u64>,
+    /// Says whether the world has ended: what its server tells since is of another one.
+    is_over: bool,
     /// Says whether the world that it is being told replaces the one that it knew; and how often one did before.
     replaced: bool,
     replacements: u64,
@@ -252,6 +258,8 @@ impl Client {
             greeted: false,
             relinked: false,
             has_arrived: false,
+            incarnation: None,
+            is_over: false,
             replaced: false,
             replacements: 0,
             now: Duration::ZERO,
@@ -417,8 +425,17 @@ impl Client {
     }
 
     fn told(&mut self, from: Option<Peer>, message: ToClient) {
+        if self.is_over {
+            return;
+        }
         match message {
-            ToClient::Welcome { world, logical_time, next_built, .. } => {
+            ToClient::Welcome { world, logical_time, next_built, incarnation, .. } => {
+                // The server has begun another world. Nothing that is known or was asked counts in that one.
+                if *self.incarnation.get_or_insert(incarnation) != incarnation {
+                    self.is_over = true;
+                    self.outputs.push_back(ClientOutput::WorldEnded);
+                    return;
+                }
                 self.building.next = next_built;
                 self.logical_time = self.logical_time.max(logical_time);
                 self.receiver.set_motion(FreeMotion::of(&world.step));
@@ -441,6 +458,10 @@ impl Client {
                 for body in bodies {
                     self.unspoken.remove(&body.id);
                     let id = body.id;
+                    if self.replaced && self.bodies.get(&id).is_some_and(|view| is_another(&view.body, &body))
+                    {
+                        self.drop_body(id);
+                    }
                     let is_new =
                         !self.bodies.contains_key(&id) && (self.has_arrived || self.has_asked_for(id));
                     self.know(body);
@@ -451,14 +472,7 @@ impl Client {
             ToClient::Chunk(Chunk::Placed(_)) => {}
             ToClient::WorldEnd => {
                 (self.joined, self.has_arrived) = (true, true);
-                for id in std::mem::take(&mut self.unspoken) {
-                    self.bodies.remove(&id);
-                    self.note_change(id);
-                    self.forget(id);
-                    // What it asked to have removed is gone: the user is told so once.
-                    self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
-                    self.outputs.push_back(ClientOutput::Removed(id));
-                }
+                std::mem::take(&mut self.unspoken).into_iter().for_each(|id| self.drop_body(id));
                 let unspoken = std::mem::take(&mut self.unspoken_shapes);
                 self.forget_shapes(&unspoken);
                 self.replacements += u64::from(std::mem::take(&mut self.replaced));
@@ -604,6 +618,16 @@ impl Client {
         }
     }
 
+    /// Takes out a body that is no longer in the world, or that another one has the id of.
+    fn drop_body(&mut self, id: BodyId) {
+        self.bodies.remove(&id);
+        self.note_change(id);
+        self.forget(id);
+        // What it asked to have removed is gone: the user is told so once.
+        self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
+        self.outputs.push_back(ClientOutput::Removed(id));
+    }
+
     fn forget(&mut self, id: BodyId) {
         self.receiver.forget(id);
         self.showing.iter_mut().for_each(|showing| showing.forget(id));
@@ -625,6 +649,11 @@ impl Client {
             self.note_change(id);
         }
     }
+}
+
+/// Returns whether two bodies of one id, in worlds of which one replaces the other, look different.
+fn is_another(a: &BodyRecord, b: &BodyRecord) -> bool {
+    (&a.traits, a.user_data) != (&b.traits, b.user_data)
 }
 
 fn keep<T>(queue: &mut VecDeque<(Tick, T)>, tick: Tick, items: Vec<T>) {

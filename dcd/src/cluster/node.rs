@@ -209,6 +209,8 @@ struct Exchange {
     round: u32,
     /// The members whose messages are waited for, and that get this node's.
     with: BTreeSet<NodeId>,
+    /// The members that it would exchange with too if they were not lost.
+    lost: BTreeSet<NodeId>,
     /// The messages for this node's regions so far, also from its own regions.
     arrived: BTreeMap<NodeId, Vec<BorderMessage>>,
 }

@@ -67,6 +67,9 @@ const STORE_EVERY: Duration = Duration::from_secs(2);
 pub struct ServerConfig {
     /// The properties of the world.
     pub world: EnvironmentProperties,
+    /// Tells a world that begins now from those that the server served before: drawn by chance. A stored world keeps
+    /// its own.
+    pub incarnation: u64,
     /// The number of nodes to wait for before the world first begins; at least 1.
     pub min_nodes: usize,
     /// The rules of which nodes may share a group, besides the delay thresholds of the world.

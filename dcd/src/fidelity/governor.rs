@@ -64,6 +64,9 @@ const SAVED_NEWER: f64 = 1.0 / 32.0;
 const LARGEST_SHARE: f64 = 1e6;
 /// The part of the time that audits may take, unless another is set.
 const AUDITED: f64 = 0.01;
+/// The least number of bodies that a tick counts for audits. Of a part of fewer a world of some bodies would pay for an audit
+/// in half a minute, and keep no tolerance.
+const FEW_BODIES: u64 = 256;
 /// The number of first ticks, in which overruns do not count, since nothing has been measured yet.
 const FIRST_TICKS: u64 = 60;
 
@@ -468,7 +471,7 @@ impl Governor {
 
     /// Notes that `bodies` bodies are stepped in a tick. Returns whether an audit is paid for.
     fn earn(&mut self, bodies: u64) -> bool {
-        self.credit += self.audited * bodies as f64;
+        self.credit += self.audited * bodies.max(FEW_BODIES) as f64;
         bodies > 0 && self.credit >= 0.0
     }
 
@@ -476,7 +479,10 @@ impl Governor {
     /// when the next audit is made, not whether that island is audited: so each island is as likely as it is
     /// large.
     fn pay(&mut self, bodies: f64) {
-        self.credit = self.credit.min(0.0) - bodies;
+        // By chance up to an eighth less or more, the same in every run: audits that all cost the same would come in step with the
+        // turns of regions, and find one region alone.
+        let lot = (drawn(mixed(self.ticks)) >> 32) as f64 / f64::from(u32::MAX);
+        self.credit = self.credit.min(0.0) - bodies * (0.875 + 0.25 * lot);
     }
 
     /// Notes the error that an audit of a region found: the mean over an island's bodies per tick, m/s.

@@ -26,6 +26,7 @@ use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
     PeerStats, SendError,
 };
+use crate::priority::give_way;
 
 /// The most links whose traffic is counted by the thread that asks for it. Reading what the network's thread
 /// wrote last takes a microsecond per link.
@@ -70,10 +71,17 @@ impl Net {
         // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in
         // one process): a round trip of 65 instead of 80 µs at full rate, and of 150 to 350 µs with either at
         // 100 frames per second.
+        let is_client_only = identity.who().is_client_only();
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .max_blocking_threads(4)
             .thread_name("dcd-net")
+            .on_thread_start(move || {
+                // A client computes no region, and its program draws.
+                if !is_client_only {
+                    give_way();
+                }
+            })
             .enable_all()
             .build()
             .map_err(NetError::Threads)?;

@@ -161,8 +161,13 @@ impl Manifold {
         bytes
     }
 
+    /// Has no effect on a contact that is not the one which was recorded: Rapier would look for points that are not there.
     fn put(self, contacts: &mut ContactModificationContext<'_>) {
-        if let Some(now) = contacts.rigid_mut() {
+        let is_there = |points: usize| {
+            let mut of = self.solver_contacts.iter().flat_map(|contact| contact.contact_indices());
+            of.all(|index| (index as usize) < points)
+        };
+        if let Some(now) = contacts.rigid_mut().filter(|now| is_there(now.manifold.points.len())) {
             *now.solver_contacts = self.solver_contacts;
             (*now.normal, *now.friction, *now.restitution, *now.user_data) =
                 (self.normal, self.friction, self.restitution, self.user_data);

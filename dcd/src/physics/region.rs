@@ -100,6 +100,8 @@ pub struct Region {
     /// The characters held here.
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
+    /// The number of bodies held here that are met more finely than others, by [`urgency::is_delicate`].
+    delicate: usize,
     /// The dynamic bodies that characters held here stood on in their last walk, in order of Rapier's handles.
     #[serde(skip)]
     walked_on: Vec<RigidBodyHandle>,
@@ -205,6 +207,7 @@ impl Region {
             targets: KinematicTargets::default(),
             characters: BTreeMap::new(),
             vehicles: BTreeMap::new(),
+            delicate: 0,
             walked_on: Vec::new(),
             quarantined: Vec::new(),
             quarantined_before: false,

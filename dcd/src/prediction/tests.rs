@@ -93,8 +93,13 @@ impl Game {
         bodies.push(shapes.describe(AVATAR, at, &avatar.build(), &collider).unwrap());
         world.insert(bodies.clone(), &joints).unwrap();
         let mut client = Client::new(ME, None, None);
-        let welcome =
-            ToClient::Welcome { id: ME, logical_time: 1, next_built: (0, 0), world: environment.clone() };
+        let welcome = ToClient::Welcome {
+            id: ME,
+            logical_time: 1,
+            next_built: (0, 0),
+            incarnation: 1,
+            world: environment.clone(),
+        };
         let leader = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
         let told = [
             welcome,

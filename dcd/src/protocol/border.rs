@@ -238,6 +238,9 @@ pub struct BorderMessage {
     pub steps: u8,
     /// Says whether the sender asks to exchange messages in every tick until all regions meet again.
     pub asks: bool,
+    /// Says whether the sender is gone: its process was lost before it told the receiver anything in this exchange.
+    /// What it told before does not hold any more.
+    pub gone: bool,
 }
 
 impl BorderMessage {
@@ -260,6 +263,7 @@ impl BorderMessage {
             && self.members.is_empty()
             && self.steps == 0
             && !self.asks
+            && !self.gone
     }
 
     /// Returns whether all ranks in the message exist in a world of `regions` regions.

@@ -66,12 +66,11 @@ fn of_op(op: &WorldOp, id: BodyId) -> Option<String> {
         WorldOp::Alter(Alteration::Joint(joint)) => {
             [joint.a, joint.b].contains(&id).then(|| format!("joint {} altered", joint.id))
         }
-        WorldOp::Correct { tick, states } => {
+        WorldOp::Correct { tick, states, stuck } => {
             let of = states.iter().find(|state| state.id == id)?;
             let [x, y, z] = of.pose.translation;
-            Some(format!(
-                "corrected towards ({x:.4}, {y:.4}, {z:.4}), where another group had it after {tick}"
-            ))
+            let done = if stuck.contains(&id) { "stuck, so put to" } else { "corrected towards" };
+            Some(format!("{done} ({x:.4}, {y:.4}, {z:.4}), where another group had it after {tick}"))
         }
         WorldOp::RemoveJoint(_)
         | WorldOp::ForgetShapes(_)

@@ -22,7 +22,7 @@ use super::RecordingError;
 
 /// The format, which grows with every change of what is recorded. Changes of messages count in the protocol's
 /// version, which the maker names.
-const FORMAT: u32 = 15;
+const FORMAT: u32 = 16;
 const MAGIC: [u8; 8] = *b"\x89dcdrec\n";
 /// The most bytes of a chunk: an entry is never divided, and a message has at most 16 MiB.
 const MOST: usize = 40 << 20;

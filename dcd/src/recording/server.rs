@@ -59,6 +59,7 @@ pub(super) enum ServerEntry<M = Message> {
 #[derive(Clone, Debug, Encode, Decode)]
 struct ServerSeed {
     world: EnvironmentProperties,
+    incarnation: u64,
     min_nodes: u64,
     grouping: Grouping,
     avatar_expiry: Duration,
@@ -68,9 +69,10 @@ struct ServerSeed {
 
 /// Returns the seed of a server's recording.
 pub(super) fn seed(config: &ServerConfig, origin: &ServerOrigin) -> impl Encode {
-    let ServerConfig { world, min_nodes, grouping, avatar_expiry, events, can_build: _ } = config.clone();
+    let ServerConfig { world, incarnation, min_nodes, grouping, avatar_expiry, events, can_build: _ } =
+        config.clone();
     let (min_nodes, origin) = (min_nodes as u64, origin.clone());
-    ServerSeed { world, min_nodes, grouping, avatar_expiry, events, origin }
+    ServerSeed { world, incarnation, min_nodes, grouping, avatar_expiry, events, origin }
 }
 
 /// The running digest of what a server sends and stores, in order.
@@ -119,9 +121,11 @@ impl ServerReplay {
                 _ => return Err(RecordingError::Undecodable("it has no seed".into())),
             }
         }
-        let ServerSeed { world, min_nodes, grouping, avatar_expiry, events, origin } = take_whole(&parts)?;
+        let ServerSeed { world, incarnation, min_nodes, grouping, avatar_expiry, events, origin } =
+            take_whole(&parts)?;
         let min_nodes = (min_nodes as usize).max(1);
-        let config = ServerConfig { world, min_nodes, grouping, avatar_expiry, events, can_build };
+        let config =
+            ServerConfig { world, incarnation, min_nodes, grouping, avatar_expiry, events, can_build };
         let server = Server::of(config, origin);
         let server = server.map_err(|error| RecordingError::Undecodable(error.to_string()))?;
         let began = server.tick();

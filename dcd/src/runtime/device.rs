@@ -531,8 +531,8 @@ fn apply(host: &mut RegionHost, led: &mut Led, ops: Vec<WorldOp>, band_m: f64) -
             // A repartition was done before the tick began, a query is answered when it is over, a schedule
             // is kept when all is applied, and a watch concerns what is told of the tick.
             WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) | WorldOp::Watch(_) => {}
-            WorldOp::Correct { tick, states } => {
-                led.lead(host, tick, &states, band_m);
+            WorldOp::Correct { tick, states, stuck } => {
+                led.lead(host, tick, &states, &stuck, band_m);
             }
         }
     }

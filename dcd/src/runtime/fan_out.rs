@@ -16,6 +16,7 @@ use tracing::debug;
 use super::bandwidth::Received;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::net::{Datagrams, PeerKey};
+use crate::priority::give_way;
 use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient, ToRelay};
 use crate::space::{ClientId, Tick};
 
@@ -103,6 +104,7 @@ impl FanOut {
         let from = Arc::clone(&inbox);
         let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
+            give_way();
             let mut replication = None;
             while let Some(events) = from.take() {
                 let mut events = teller.read(&mut replication, events);

@@ -36,7 +36,7 @@ pub(super) const WORLD_BYTES: usize = 256 << 20;
 const CHANGES_BYTES: usize = 16 << 20;
 /// Once this many bytes wait for players, further greetings wait before they are answered with the world. So
 /// many players that come at once and read nothing cost no more than this and one world.
-const WORLDS_BYTES: usize = 32 << 20;
+const WORLDS_BYTES: usize = 24 << 20;
 /// While greetings wait, a player that takes in nothing for this long is given up.
 const PRESSED: Duration = Duration::from_secs(2);
 /// A greeting waits no longer than this, however slowly others take in the world.
@@ -89,6 +89,8 @@ pub(super) enum LinkEvent {
         peer: Peer,
         /// The reason for which this process or the other ended the link, if one did.
         ending: Option<Ending>,
+        /// Says whether nobody answered a call.
+        is_unanswered: bool,
         /// The cause as far as known, for people.
         text: String,
     },
@@ -521,7 +523,15 @@ impl Links {
                     NetError::Refused { code, reason, .. } if Ending::of(*code).is_some() => {
                         gone(vec![peer], Ending::of(*code), reason)
                     }
-                    _ => gone(vec![peer], None, &error.to_string()),
+                    _ => vec![LinkEvent::Disconnected {
+                        peer,
+                        ending: None,
+                        is_unanswered: matches!(
+                            error,
+                            NetError::Unreachable { .. } | NetError::Broken { .. }
+                        ),
+                        text: error.to_string(),
+                    }],
                 }
             }
             NetEvent::Frame { peer: key, bytes, .. } | NetEvent::Datagram { peer: key, bytes } => {
@@ -676,7 +686,7 @@ fn may_overtake(message: &Message) -> bool {
 
 /// Returns the events of a link's end for the peers behind it.
 fn gone(peers: Vec<Peer>, ending: Option<Ending>, text: &str) -> Vec<LinkEvent> {
-    let event = |peer| LinkEvent::Disconnected { peer, ending, text: text.to_owned() };
+    let event = |peer| LinkEvent::Disconnected { peer, ending, is_unanswered: false, text: text.to_owned() };
     peers.into_iter().map(event).collect()
 }
 

@@ -342,11 +342,11 @@ mod tests {
         }
     }
 
-    fn hooked(regions: usize) -> LocalWorld {
+    fn hooked(regions: usize, fidelity: Fidelity) -> LocalWorld {
         let partitioning = Partitioning::RegionsAcross(regions, vec![Axis::X]);
         let bounds = Bounds { min: [-12.0, -2.0, -12.0], max: [12.0, 20.0, 12.0] };
-        let mut world =
-            LocalWorld::new(WorldConfig { partitioning, bounds, ..WorldConfig::default() }).unwrap();
+        let config = WorldConfig { partitioning, bounds, fidelity, ..WorldConfig::default() };
+        let mut world = LocalWorld::new(config).unwrap();
         let hooks = ActiveHooks::all();
         let floor = ColliderBuilder::cuboid(12.0, 0.5, 12.0).active_hooks(hooks);
         world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
@@ -368,7 +368,7 @@ mod tests {
     #[test]
     fn what_hooks_answered_is_answered_again() {
         for regions in [1, 4] {
-            let mut world = hooked(regions);
+            let mut world = hooked(regions, Fidelity::Off);
             let whims = Arc::new(Whims::default());
             world.set_hooks(Some(whims.clone()));
             let tape = Memory::default();
@@ -389,6 +389,33 @@ mod tests {
             assert!(fell > 0 && fell < 13, "{fell} of 12 balls fell");
             let bytes = tape.0.lock().unwrap().clone();
             assert_eq!(checked(bytes, None), (120 * world.regions().len() as u64, None));
+        }
+    }
+
+    #[test]
+    fn what_hooks_answered_where_an_operation_came_to_what_was_behind_is_answered_again() {
+        for fidelity in [Fidelity::Tolerance { m_s: 1e6 }, Fidelity::Budget { tick_ms: 1e-4 }] {
+            let mut world = hooked(2, fidelity);
+            world.set_viewpoints(&[Viewpoint { at: [500.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+            let whims = Arc::new(Whims::default());
+            world.set_hooks(Some(whims.clone()));
+            let tape = Memory::default();
+            world.record(tape.clone()).unwrap();
+            let boxes: Vec<_> = world.states().map(|(id, ..)| id).collect();
+            let mut behind = 0;
+            for tick in 0..160 {
+                whims.0.store(tick / 4, Relaxed);
+                world.step().unwrap();
+                // Nothing is touched for long enough that regions get behind.
+                if tick % 21 == 20 {
+                    behind += world.regions().filter(|region| world.host().behind(region.id()) > 0).count();
+                    world.push(&Push::impulse(boxes[tick as usize % boxes.len()], [0.0, 0.1, 0.0])).unwrap();
+                }
+            }
+            world.stop_recording().unwrap();
+            assert!(behind > 0, "something was behind: {fidelity:?}");
+            let bytes = tape.0.lock().unwrap().clone();
+            assert_eq!(checked(bytes, None).1, None, "{fidelity:?}");
         }
     }
 

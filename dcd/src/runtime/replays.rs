@@ -122,70 +122,86 @@ impl LocalPhysics for LocalComputer {
     }
 
     fn step(&mut self) -> Result<Tick, String> {
-        let answers = std::mem::take(&mut self.answers);
-        let world = self.world()?;
-        if !answers.is_empty() {
-            world.set_hooks(Some(Arc::new(RepeatedHooks::new(answers))));
-        }
-        let stepped = world.step().map_err(|error| error.to_string());
-        world.set_hooks(None);
-        stepped.map(|()| world.tick())
+        self.with_answers(|world| world.step().map_err(|error| error.to_string()).map(|()| world.tick()))
     }
 
     fn repeat(&mut self, operation: Operation) -> Result<(), String> {
-        let world = self.world()?;
-        let done = match operation {
-            Operation::Insert { bodies, shapes } => {
-                let known = shapes
-                    .into_iter()
-                    .try_for_each(|shape| world.host_mut().shapes_mut().add(shape).map(drop));
-                known.map_err(|error| error.to_string())?;
-                let host = world.host_mut();
-                let attended = bodies.iter().try_for_each(|body| host.attend_new(body));
-                let inserted = attended.and_then(|()| host.insert(bodies, &[]));
-                return inserted.map_err(|error| error.to_string());
-            }
-            Operation::InsertJoint(joint) => {
-                let host = world.host_mut();
-                let tied = host.attend_ends(&joint).and_then(|()| host.tie(*joint));
-                return tied.map_err(|error| error.to_string());
-            }
-            Operation::Update { body, copies } => {
-                let mut copies = copies.iter();
-                world.update(body, |body| assign::<RigidBody>(body, copies.next())).map(drop)
-            }
-            Operation::UpdateJoint { joint, copies } => {
-                let mut copies = copies.iter();
-                world.update_joint(joint, |joint| assign::<GenericJoint>(joint, copies.next()))
-            }
-            // Shapes that no body has any more are kept: bodies with such a shape that come later were
-            // recorded without it.
-            Operation::Remove(body) => {
-                let host = world.host_mut();
-                let removed = host.attend(body).map(|()| host.remove(body));
-                let removed = removed.map_err(WorldError::from);
-                removed.and_then(|held| held.then_some(()).ok_or(WorldError::NoBody(body)))
-            }
-            Operation::RemoveJoint(joint) => world.remove_joint(joint),
-            Operation::Push(push) => world.push(&push),
-            Operation::SetPose(body, pose) => world.set_pose(body, pose),
-            Operation::SetNextPose(body, pose) => world.set_next_pose(body, pose),
-            Operation::SetVelocity(body, velocity) => world.set_velocity(body, velocity),
-            Operation::Drive(body, drive) => world.drive(body, &drive),
-            Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
-            Operation::Look(viewpoints) => world.set_viewpoints(&viewpoints),
+        match operation {
             Operation::Answers(answers) => {
                 self.answers.extend(answers);
-                return Ok(());
+                Ok(())
             }
             Operation::Paces(paces) => {
-                let can_be = world.host_mut().follow_paces(paces);
-                return can_be.then_some(()).ok_or_else(|| "regions are stepped at no such pace".to_owned());
+                let can_be = self.world()?.host_mut().follow_paces(paces);
+                can_be.then_some(()).ok_or_else(|| "regions are stepped at no such pace".to_owned())
             }
-            Operation::Seed(_) | Operation::Restore => Ok(()),
-        };
-        done.map_err(|error| error.to_string())
+            operation => self.with_answers(|world| repeat(world, operation)),
+        }
     }
+}
+
+impl LocalComputer {
+    /// Has the world do something in which hooks give the answers that were recorded before it.
+    fn with_answers<T>(
+        &mut self,
+        act: impl FnOnce(&mut LocalWorld) -> Result<T, String>,
+    ) -> Result<T, String> {
+        let answers = std::mem::take(&mut self.answers);
+        let world = self.world()?;
+        if answers.is_empty() {
+            return act(world);
+        }
+        world.set_hooks(Some(Arc::new(RepeatedHooks::new(answers))));
+        let done = act(world);
+        world.set_hooks(None);
+        done
+    }
+}
+
+/// Does once more what a program did to its world.
+fn repeat(world: &mut LocalWorld, operation: Operation) -> Result<(), String> {
+    let done = match operation {
+        Operation::Insert { bodies, shapes } => {
+            let known =
+                shapes.into_iter().try_for_each(|shape| world.host_mut().shapes_mut().add(shape).map(drop));
+            known.map_err(|error| error.to_string())?;
+            let host = world.host_mut();
+            let attended = bodies.iter().try_for_each(|body| host.attend_new(body));
+            let inserted = attended.and_then(|()| host.insert(bodies, &[]));
+            return inserted.map_err(|error| error.to_string());
+        }
+        Operation::InsertJoint(joint) => {
+            let host = world.host_mut();
+            let tied = host.attend_ends(&joint).and_then(|()| host.tie(*joint));
+            return tied.map_err(|error| error.to_string());
+        }
+        Operation::Update { body, copies } => {
+            let mut copies = copies.iter();
+            world.update(body, |body| assign::<RigidBody>(body, copies.next())).map(drop)
+        }
+        Operation::UpdateJoint { joint, copies } => {
+            let mut copies = copies.iter();
+            world.update_joint(joint, |joint| assign::<GenericJoint>(joint, copies.next()))
+        }
+        // Shapes that no body has any more are kept: bodies with such a shape that come later were
+        // recorded without it.
+        Operation::Remove(body) => {
+            let host = world.host_mut();
+            let removed = host.attend(body).map(|()| host.remove(body));
+            let removed = removed.map_err(WorldError::from);
+            removed.and_then(|held| held.then_some(()).ok_or(WorldError::NoBody(body)))
+        }
+        Operation::RemoveJoint(joint) => world.remove_joint(joint),
+        Operation::Push(push) => world.push(&push),
+        Operation::SetPose(body, pose) => world.set_pose(body, pose),
+        Operation::SetNextPose(body, pose) => world.set_next_pose(body, pose),
+        Operation::SetVelocity(body, velocity) => world.set_velocity(body, velocity),
+        Operation::Drive(body, drive) => world.drive(body, &drive),
+        Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
+        Operation::Look(viewpoints) => world.set_viewpoints(&viewpoints),
+        Operation::Answers(_) | Operation::Paces(_) | Operation::Seed(_) | Operation::Restore => Ok(()),
+    };
+    done.map_err(|error| error.to_string())
 }
 
 /// Gives a copy the state that it had after a program's change.

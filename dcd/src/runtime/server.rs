@@ -37,6 +37,7 @@ use crate::net::{
     Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, NetError, PeerName, PeerStats, check_address,
 };
 use crate::physics::{ShapeLibrary, can_build};
+use crate::priority::give_way;
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{BodyId, DistributionTree, NodeId, Tick, Viewpoint};
@@ -219,6 +220,7 @@ impl ServerProcess {
         shared.lock().summary.regions = properties.tree.leaf_count();
         let server_config = ServerConfig {
             world: environment,
+            incarnation: by_chance()?,
             min_nodes: config.nodes.max(1),
             grouping: Grouping { verification: drawn_by_chance(config.verify)?, ..config.groups.grouping },
             avatar_expiry: config.avatar_expiry,
@@ -559,10 +561,14 @@ fn origin_of(
 
 /// Returns the drawing of participants to be verified, from a random seed that nobody else can know.
 fn drawn_by_chance(share: f64) -> Result<Verification, ProcessError> {
-    let mut seed = [0; 8];
-    let random = SystemRandom::new().fill(&mut seed);
+    Ok(Verification { share, seed: by_chance()? })
+}
+
+fn by_chance() -> Result<u64, ProcessError> {
+    let mut bytes = [0; 8];
+    let random = SystemRandom::new().fill(&mut bytes);
     random.map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))?;
-    Ok(Verification { share, seed: u64::from_le_bytes(seed) })
+    Ok(u64::from_le_bytes(bytes))
 }
 
 fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Result<Recorder, ProcessError> {
@@ -573,6 +579,7 @@ fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Resul
 /// Runs the loop on a thread of its own. A bug in it ends the server, but not the process.
 fn spawn(running: Loop, inputs: Inbox<Input>) -> Result<JoinHandle<()>, ProcessError> {
     let run = move || {
+        give_way();
         let (shared, connections) = (running.shared.clone(), running.connections.clone());
         let (metrics, authority) = (running.metrics.clone(), running.authority.clone());
         if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {

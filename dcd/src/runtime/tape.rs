@@ -45,6 +45,8 @@ impl Tape {
         // Otherwise, without steps, a recording in memory would grow without end.
         self.is_stale |= self.recorder.wants_segment();
         if !self.is_stale {
+            // What the operation was done to has perhaps been brought to the present first, and hooks were asked.
+            self.note_answers();
             self.put(operation);
         }
     }
@@ -79,7 +81,7 @@ impl Tape {
         self.hooks.as_ref().map(|hooks| Arc::clone(hooks.program()))
     }
 
-    /// Records what hooks have answered in a step.
+    /// Records what hooks have answered in a step, or in those that an operation begins with.
     pub(super) fn note_answers(&mut self) {
         let answers = self.hooks.as_ref().map(|hooks| hooks.take()).unwrap_or_default();
         for some in answers.chunks(ANSWERS) {

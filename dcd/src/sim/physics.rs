@@ -327,7 +327,7 @@ impl StandIn {
             | WorldOp::Schedule(_)
             | WorldOp::Watch(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
-            WorldOp::Correct { tick: told, states } => {
+            WorldOp::Correct { tick: told, states, stuck: _ } => {
                 let (dt_s, band_m) = {
                     let world = self.world();
                     (f64::from(world.step.dt_s), f64::from(world.thresholds.between_groups_m) / 2.0)

@@ -5,7 +5,7 @@ mod acts;
 mod groups;
 mod looks;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::groups::Lately;
@@ -235,8 +235,8 @@ struct Trial<'a> {
     expected_nodes: u32,
     /// How many nodes there are to be, unless the configuration says it.
     population: Option<u32>,
-    /// A slow node, and how much of an equal share of the bodies it owned of late.
-    slow_node: Option<(NodeId, f64)>,
+    /// A slow node, and how much of an equal share of the bodies it owned in the last looks.
+    slow_node: Option<(NodeId, VecDeque<f64>)>,
     calm_since: Option<Duration>,
     healed_at: Option<Duration>,
     staleness: Staleness,
@@ -347,7 +347,7 @@ impl<'a> Trial<'a> {
         if let Some(pick) = schedule.slow_node {
             let node = nodes[pick as usize % nodes.len()];
             trial.sim.slow_down(node, SLOWER);
-            trial.slow_node = Some((node, 1.0));
+            trial.slow_node = Some((node, VecDeque::new()));
         }
         for &(save, restore) in &schedule.restores {
             trial.plan(save, Action::Save);

@@ -146,6 +146,7 @@ impl Sim {
         world.relays_above = config.relays_above;
         let server_config = ServerConfig {
             world,
+            incarnation: config.seed,
             min_nodes: config.nodes.max(1) as usize,
             grouping: Grouping {
                 verification: Verification { share: f64::from(u8::from(config.verify)), seed: config.seed },

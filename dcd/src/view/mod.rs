@@ -25,6 +25,7 @@ use ring::rand::{SecureRandom, SystemRandom};
 use crate::cluster::TickStats;
 use crate::drawing::{Hosts, Looker, Moment, Source, Told, Wishes};
 use crate::physics::RegionHost;
+use crate::priority::give_way;
 use crate::protocol::Handover;
 use crate::runtime::{ClientWorld, LocalWorld};
 use crate::world::{Error, Instead, World};
@@ -107,7 +108,10 @@ impl Viewer {
         // One moment is encoded while the next is made.
         let (encoder, moments) = sync_channel::<Moment>(1);
         let encoding = Arc::clone(&hub);
-        let encode = move || moments.into_iter().for_each(|moment| encoding.publish(moment));
+        let encode = move || {
+            give_way();
+            moments.into_iter().for_each(|moment| encoding.publish(moment));
+        };
         std::thread::Builder::new().name("dcd-view-encode".into()).spawn(encode).map_err(error)?;
         let server = Server::start(address, Arc::clone(&hub)).map_err(error)?;
         Ok(Self {

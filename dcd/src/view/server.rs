@@ -13,6 +13,7 @@ use super::http::{self, Refused, Request};
 use super::hub::{Hub, Progress, Want};
 use super::page;
 use crate::http::Timely;
+use crate::priority::give_way;
 use crate::space::BodyId;
 
 /// The most connections at a time; browsers open some for the files of the page.
@@ -98,6 +99,7 @@ impl Shared {
             }
             let shared = Arc::clone(&self);
             let serve = move || {
+                give_way();
                 // A browser that goes away is no error.
                 let _ = shared.serve(number, stream);
                 shared.open.fetch_sub(1, Ordering::SeqCst);

@@ -561,19 +561,4 @@ impl World {
         let Inner::Local(world) = &self.inner else { return None };
         world.host().centre_of_mass(id)
     }
-
-    /// Returns the velocity that a body of a local world would have after an impulse, N s, and a torque
-    /// impulse, N m s, both along world axes. The result may hold infinities and NaN. `None` in other roles.
-    #[must_use]
-    pub fn velocity_after(&self, id: BodyId, impulse: Vector, torque_impulse: Vector) -> Option<Velocity> {
-        let Inner::Local(world) = &self.inner else { return None };
-        let body = world.body(id)?;
-        let mass = body.mass_properties();
-        // Where regions share the body, the owner's copy has a part of its mass.
-        let parts = world.host().owned(id).map_or(1, |(region, handle)| region.share_of(handle)) as f32;
-        Some(Velocity {
-            linear: (body.linvel() + impulse * (mass.effective_inv_mass / parts)).to_array(),
-            angular: (body.angvel() + mass.effective_world_inv_inertia * (torque_impulse / parts)).to_array(),
-        })
-    }
 }

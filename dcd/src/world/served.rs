@@ -126,12 +126,18 @@ impl Served {
         self.departed.trim(DEPARTED);
         // Bodies to copy anew although nothing was told of them, since they are not leaving any more.
         let mut again = BTreeSet::new();
-        for change in &heard.changes {
-            let &Presence::Disappeared(id) = change else { continue };
-            let user_data = self.user_data(id);
-            self.departed.insert(id, user_data.unwrap_or(0));
-            again.extend(self.leaving.remove(&id).map(|_| id));
-            self.driven.remove(&id);
+        self.changes.clear();
+        for change in heard.changes {
+            self.changes.push(match change {
+                Presence::Appeared(id) => BodyChange::Appeared(id),
+                Presence::Disappeared(body) => {
+                    let user_data = self.user_data(body).unwrap_or(0);
+                    self.departed.insert(body, user_data);
+                    again.extend(self.leaving.remove(&body).map(|_| body));
+                    self.driven.remove(&body);
+                    BodyChange::Removed { body, user_data }
+                }
+            });
         }
         // These are the reasons for which a removal is refused. Inputs made before it are refused for other
         // reasons, too.
@@ -155,11 +161,6 @@ impl Served {
         self.events.forces.clear();
         self.events.forces.extend(heard.forces.into_iter().map(|(_, force)| force));
         self.handovers = heard.handovers;
-        self.changes.clear();
-        self.changes.extend(heard.changes.into_iter().map(|change| match change {
-            Presence::Appeared(id) => BodyChange::Appeared(id),
-            Presence::Disappeared(id) => BodyChange::Removed(id),
-        }));
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
             // An avatar gets no other input before it is in the world: the refused input was its insertion.

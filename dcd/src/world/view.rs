@@ -95,8 +95,14 @@ pub struct RegionInfo {
 pub enum BodyChange {
     /// The body is in the world now.
     Appeared(BodyId),
-    /// The body is no longer in the world.
-    Removed(BodyId),
+    /// The body is no longer in the world. If it appears in the same step, the world went back to
+    /// a save in which it has other properties, or in which another body has its id: look at it anew.
+    Removed {
+        /// The body.
+        body: BodyId,
+        /// Its user data, since it is gone.
+        user_data: u128,
+    },
     /// The server refused an input. If the avatar has not appeared yet, it never will.
     Refused {
         /// The avatar or body; `None` if the input concerns none.

@@ -73,6 +73,7 @@ pub(super) fn points() -> Record {
 pub(super) fn server_config(world: EnvironmentProperties) -> ServerConfig {
     ServerConfig {
         world,
+        incarnation: 1,
         min_nodes: 2,
         grouping: Default::default(),
         avatar_expiry: Duration::from_secs(2),

@@ -2,6 +2,7 @@
 //! computed in full, time neither stands still nor runs twice, and the error is as stated.
 
 mod loads;
+mod noted;
 mod out_of_sight;
 mod program;
 mod repeated;

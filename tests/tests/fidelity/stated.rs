@@ -12,15 +12,20 @@ fn a_budget_that_cannot_be_kept_loses_and_doubles_no_body_and_counts_what_is_ove
     // The first second does not count.
     run(&mut world, 60);
     assert_eq!(world.fidelity_report().unwrap().overruns, 0);
+    let mut shed = 0;
     for over in 1..=240 {
         world.step().unwrap();
         let census = world.census();
         assert_eq!((census.lost(&bodies), census.doubled()), (0, 0), "{over}");
         assert_eq!(world.fidelity_report().unwrap().overruns, over);
+        let levels = levels(&world);
+        assert_eq!(levels.iter().sum::<usize>(), 24, "{levels:?}");
+        // In single ticks regions are in full, since something urgent happens in them. Which, depends on
+        // the paces, and so on the time that steps take.
+        shed = shed.max(levels[2]);
     }
     assert_eq!(world.host().validate(), []);
-    let shed = levels(&world);
-    assert!(shed[2] >= 22 && shed.iter().sum::<usize>() == 24, "what is looked at is shed, too: {shed:?}");
+    assert!(shed >= 22, "what is looked at is shed, too: {shed} of 24");
     assert!(world.stats().transfers >= 8, "cars pass from region to region: {:?}", world.stats());
 }
 

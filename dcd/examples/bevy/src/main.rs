@@ -227,8 +227,8 @@ fn step(
     for change in served.world.changes().to_vec() {
         match change {
             BodyChange::Appeared(id) => add(&mut served, id, &mut commands, &mut meshes, &paints),
-            BodyChange::Removed(id) => {
-                if let Some(entity) = served.entities.remove(&id) {
+            BodyChange::Removed { body, .. } => {
+                if let Some(entity) = served.entities.remove(&body) {
                     commands.entity(entity).despawn();
                 }
             }

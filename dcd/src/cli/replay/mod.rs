@@ -173,6 +173,9 @@ pub(super) fn check_bodies(replay: &Worlds, path: &Path, what: &str) -> Result<(
 fn extent(replay: &Worlds) -> String {
     match replay.next_tick().filter(|_| replay.ticks() == 0) {
         Some(first) => format!("the recording begins with tick {}; name one from that on", first.0),
+        None if replay.ticks() == 0 => {
+            "no tick is on record: it was cut off, or ended, before the first".to_owned()
+        }
         None => format!("the recording ends after tick {}; name one up to that", replay.ticks()),
     }
 }

@@ -1,6 +1,7 @@
 //! Tests what a client sends to server and leader (interest, queries), and which states of bodies it takes
 //! in.
 
+mod replaced;
 mod shapes;
 
 use super::*;
@@ -91,7 +92,7 @@ fn what_is_asked_while_the_world_is_told_again_is_asked_once_and_where_it_is_who
     let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
     let welcome = |next| {
         let (id, next_built) = (ClientId(1), (0, 0));
-        ToClient::Welcome { id, logical_time: next, next_built, world: sim_world(2) }
+        ToClient::Welcome { incarnation: 1, id, logical_time: next, next_built, world: sim_world(2) }
     };
     let spawns = |client: &mut Client| {
         let is_spawn = |output: &ClientOutput| {
@@ -447,7 +448,7 @@ fn inserted(bodies: Vec<BodyRecord>) -> BuildOp {
 fn joins(client: &mut Client, bodies: Vec<BodyRecord>) {
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
     let (id, world) = (ClientId(1), sim_world(2));
-    tell(client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    tell(client, ToClient::Welcome { incarnation: 1, id, logical_time: 1, next_built: (3, 4), world });
     tell(client, ToClient::Chunk(Chunk::Bodies(bodies)));
     tell(client, ToClient::WorldEnd);
 }
@@ -476,7 +477,7 @@ fn what_came_while_the_server_was_away_or_with_another_world_appears() {
     assert_eq!(appeared(&mut client), [BodyId::persistent(1)]);
     // Over the same link a save comes in place of the world.
     let (id, world) = (ClientId(1), sim_world(2));
-    tell(&mut client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    tell(&mut client, ToClient::Welcome { incarnation: 1, id, logical_time: 1, next_built: (3, 4), world });
     tell(&mut client, ToClient::Chunk(Chunk::Bodies(vec![body(1), body(2)])));
     tell(&mut client, ToClient::WorldEnd);
     assert_eq!(appeared(&mut client), [BodyId::persistent(2)]);
@@ -499,7 +500,7 @@ fn what_was_asked_is_said_again_though_another_world_came_as_the_link_broke() {
     joins(&mut client, Vec::new());
     let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
     let (id, world) = (ClientId(1), sim_world(2));
-    tell(&mut client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    tell(&mut client, ToClient::Welcome { incarnation: 1, id, logical_time: 1, next_built: (3, 4), world });
     client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
     client.handle(Duration::ZERO, ClientEvent::Spawn { body, shapes: Vec::new() });
     while client.poll_output().is_some() {}
@@ -576,8 +577,13 @@ fn what_is_to_be_built_keeps_its_order_while_a_world_arrives_and_is_said_of_a_ne
     assert_eq!(build(&mut client, 1), []);
     client.handle(at, ClientEvent::Connected(Peer::Server));
     assert_eq!(build(&mut client, 2), [], "it is not welcomed yet");
-    let welcome =
-        || ToClient::Welcome { id: ClientId(1), logical_time: 1, next_built: (0, 0), world: sim_world(2) };
+    let welcome = || ToClient::Welcome {
+        incarnation: 1,
+        id: ClientId(1),
+        logical_time: 1,
+        next_built: (0, 0),
+        world: sim_world(2),
+    };
     tell(&mut client, welcome());
     assert_eq!(build(&mut client, 3), []);
     tell(&mut client, ToClient::WorldEnd);

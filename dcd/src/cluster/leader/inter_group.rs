@@ -5,6 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 
+use nalgebra::Vector3;
+
 use super::Leader;
 use crate::cluster::Peer;
 use crate::cluster::correction::deviation_m;
@@ -18,6 +20,12 @@ const TELL_EVERY: u64 = 6;
 const REMINDERS: usize = 4;
 /// The age from which a state that another group sent does not count any more, ticks.
 const STALE_TICKS: u64 = 60;
+/// The time after which a body counts as stuck whose deviation has stayed about the same, seconds. Nothing in its way, it
+/// would have come nearer by 0.7 m.
+const STUCK_S: f64 = 2.0;
+/// The change up to which a deviation stays about the same: a part of it, and metres.
+const ABOUT: f64 = 0.5;
+const ABOUT_M: f64 = 0.5;
 /// The difference in ticks to the main group beyond which this group hurries or waits.
 const STEP_TICKS: i64 = 1;
 /// The share of a tick by which the group hurries or waits per tick of difference. A difference of a second
@@ -51,7 +59,11 @@ pub(super) struct InterGroup {
     /// The newest states that other groups sent.
     heard: BTreeMap<BodyId, (Tick, SharedState)>,
     news: BTreeSet<BodyId>,
-    correcting: BTreeSet<BodyId>,
+    /// Bodies that are corrected, with where they were from their goals when that last changed, metres, and since when it
+    /// is about so.
+    correcting: BTreeMap<BodyId, (Vector3<f64>, Tick)>,
+    /// Bodies that are corrected and have come no nearer for long.
+    stuck: BTreeSet<BodyId>,
     /// How many ticks the main group is ahead.
     pub ahead: Option<i64>,
     deviations: Deviations,
@@ -62,6 +74,17 @@ impl InterGroup {
     /// Returns the messages for the server since the last call.
     pub(super) fn take_messages(&mut self) -> Vec<ToServer> {
         std::mem::take(&mut self.to_server)
+    }
+
+    /// Returns whether no other body that is corrected, too, stands in the place of this one: nearer to it than to its own.
+    /// In the authoritative group nothing overlaps, so what is where it should be is not in the way.
+    fn has_room(&self, id: BodyId, latest: &BTreeMap<BodyId, (SharedState, Tick)>) -> bool {
+        let Some((_, goal)) = self.heard.get(&id) else { return false };
+        let is_in_the_way = |(other, (way, _)): (&BodyId, &(Vector3<f64>, Tick))| {
+            let at = latest.get(other).map(|(own, _)| own.pose);
+            *other != id && at.is_some_and(|at| deviation_m(&at, &goal.pose) < way.norm())
+        };
+        !self.correcting.iter().any(is_in_the_way)
     }
 
     fn is_ours(&self, id: BodyId, clients: &BTreeMap<ClientId, Peer>) -> bool {
@@ -102,7 +125,7 @@ impl Leader {
         let Some(inter_group) = &mut self.inter_group else { return };
         inter_group.news.remove(&id);
         let Some((_, state)) = inter_group.heard.remove(&id) else { return };
-        if inter_group.correcting.remove(&id) && id.client().is_none() {
+        if inter_group.correcting.remove(&id).is_some() && id.client().is_none() {
             let velocity = state.velocity;
             self.ops.push(WorldOp::Input(Input {
                 body: id,
@@ -134,7 +157,7 @@ impl Leader {
                 // A body that moves is compared when it is reported, and left alone within the threshold:
                 // velocities of some ticks ago would undo what it has hit since.
                 let is_compared = self.latest.get(&id).is_some_and(|(own, _)| !own.sleeping);
-                if id.client().is_some() || !is_compared || inter_group.correcting.contains(&id) {
+                if id.client().is_some() || !is_compared || inter_group.correcting.contains_key(&id) {
                     inter_group.news.insert(id);
                 }
             }
@@ -210,7 +233,8 @@ impl Leader {
         for (id, (heard, state)) in &inter_group.heard {
             let Some((own, at)) = self.latest.get(id).filter(|(_, at)| *at == tick) else { continue };
             let lag_s = (at.0 as f64 - heard.0 as f64) * dt_s;
-            let deviation = deviation_m(&own.pose, &state.pose.moved(&state.velocity, lag_s));
+            let goal = state.pose.moved(&state.velocity, lag_s);
+            let deviation = deviation_m(&own.pose, &goal);
             let band = f64::from(thresholds.between_groups_m);
             let seen = &mut inter_group.deviations;
             seen.count += 1;
@@ -218,9 +242,16 @@ impl Leader {
             seen.max_m = seen.max_m.max(deviation);
             seen.above += u64::from(deviation > band);
             if deviation > 0.5 * band {
-                inter_group.correcting.insert(*id);
+                let way = Vector3::from(goal.translation) - Vector3::from(own.pose.translation);
+                let (before, since) = inter_group.correcting.entry(*id).or_insert((way, tick));
+                if (way - *before).norm() > (ABOUT * before.norm()).min(ABOUT_M) {
+                    (*before, *since) = (way, tick);
+                } else if (tick.0 - since.0) as f64 * dt_s >= STUCK_S {
+                    *since = tick;
+                    inter_group.stuck.insert(*id);
+                }
                 inter_group.news.insert(*id);
-            } else if inter_group.correcting.remove(id) {
+            } else if inter_group.correcting.remove(id).is_some() {
                 inter_group.news.insert(*id);
             }
         }
@@ -264,15 +295,20 @@ impl Leader {
     /// Returns the corrections for the next tick.
     pub(super) fn corrections(&mut self) -> Vec<WorldOp> {
         let Some(inter_group) = &mut self.inter_group else { return Vec::new() };
-        let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
+        let mut by_tick: BTreeMap<Tick, (Vec<SharedState>, Vec<BodyId>)> = BTreeMap::new();
+        let mut stuck = std::mem::take(&mut inter_group.stuck);
+        stuck.retain(|id| inter_group.has_room(*id, &self.latest));
         for id in std::mem::take(&mut inter_group.news) {
             let Some(&(tick, state)) = inter_group.heard.get(&id) else { continue };
             // A body that is unknown here is left alone. Avatars have no other way to learn where they go.
             if id.client().is_some() || self.latest.contains_key(&id) {
-                by_tick.entry(tick).or_default().push(state);
+                let of_tick = by_tick.entry(tick).or_default();
+                of_tick.0.push(state);
+                of_tick.1.extend(stuck.take(&id));
             }
         }
-        by_tick.into_iter().map(|(tick, states)| WorldOp::Correct { tick, states }).collect()
+        let correct = |(tick, (states, stuck))| WorldOp::Correct { tick, states, stuck };
+        by_tick.into_iter().map(correct).collect()
     }
 
     pub(super) fn forget_in_other_groups(&mut self, id: BodyId) {
@@ -330,8 +366,12 @@ mod tests {
 
     /// Completes a tick, after which the body is where `state` says, and dispatches the next.
     fn tick(leader: &mut Leader, state: SharedState) -> Dispatch {
+        tick_with(leader, vec![state])
+    }
+
+    fn tick_with(leader: &mut Leader, states: Vec<SharedState>) -> Dispatch {
         let (view, tick) = (leader.view, leader.tick);
-        leader.report(NodeId(1), Report { view, tick, states: vec![state] });
+        leader.report(NodeId(1), Report { view, tick, states });
         let done = Done {
             view,
             tick,
@@ -355,7 +395,7 @@ mod tests {
         tick(&mut leader, moving(1.0, 6.0));
         leader.hear_other_groups(true, Tick(1), vec![moving(2.0, 0.5)]);
         let ops = tick(&mut leader, moving(1.1, 6.0)).ops;
-        assert_eq!(ops, [WorldOp::Correct { tick: Tick(1), states: vec![moving(2.0, 0.5)] }]);
+        assert_eq!(ops, [WorldOp::Correct { tick: Tick(1), states: vec![moving(2.0, 0.5)], stuck: vec![] }]);
         leader
     }
 
@@ -395,6 +435,48 @@ mod tests {
             assert!(matches!(ops[..], [WorldOp::Correct { .. }]), "{ops:?}");
         }
         assert_eq!(tick(&mut leader, moving(1.2, 6.0)).ops, let_go());
+    }
+
+    /// Returns in which ticks of five seconds a body is put to where the authoritative group has it, three metres off,
+    /// which is at these states here.
+    fn put_in(states: impl Fn(u64) -> Vec<SharedState>) -> Vec<u64> {
+        let mut leader = leader();
+        tick_with(&mut leader, states(0));
+        let mut put = Vec::new();
+        for now in 1..=300 {
+            leader.hear_other_groups(true, leader.tick, vec![moving(4.0, 0.0)]);
+            let ops = tick_with(&mut leader, states(now)).ops;
+            let is_put = |op: &WorldOp| matches!(op, WorldOp::Correct { stuck, .. } if stuck == &[BODY]);
+            put.extend(ops.iter().any(is_put).then_some(now));
+        }
+        put
+    }
+
+    #[test]
+    fn what_comes_no_nearer_for_two_seconds_is_put_to_its_place_if_nothing_else_stands_there() {
+        let jitters = |now: u64| moving(1.0 + 0.02 * (now % 7) as f64, 1.0);
+        assert_eq!(put_in(|now| vec![jitters(now)]), [121, 241]);
+        // One that comes nearer by half a metre per second, and one that is pushed away time and again.
+        assert_eq!(put_in(|now| vec![moving(1.0 + now as f64 / 120.0, 0.5)]), [0; 0]);
+        assert_eq!(put_in(|now| vec![moving(1.0 - now as f64 % 90.0 / 30.0, 0.5)]), [0; 0]);
+    }
+
+    #[test]
+    fn nothing_is_put_to_where_another_stands_that_should_be_elsewhere() {
+        let other = |x: f64| SharedState { id: BodyId::persistent(2), ..moving(x, 0.0) };
+        for (at, puts) in [(4.3, vec![]), (5.6, vec![120])] {
+            let mut leader = leader();
+            let mut put = Vec::new();
+            for now in 0..200 {
+                let states = vec![moving(4.0, 0.0), other(7.0)];
+                leader.hear_other_groups(true, leader.tick, states);
+                let ops = tick_with(&mut leader, vec![moving(1.0, 1.0), other(at)]).ops;
+                let is_put =
+                    |op: &WorldOp| matches!(op, WorldOp::Correct { stuck, .. } if stuck.contains(&BODY));
+                put.extend(ops.iter().any(is_put).then_some(now));
+            }
+            assert_eq!(put, puts, "{at}");
+        }
     }
 
     #[test]

@@ -14,9 +14,23 @@ pub(super) fn can_be_said(
 ) -> bool {
     let computes = |region, node| allocation.get(&region) == Some(&node);
     let is_possible = || message.epochs().all(|epoch| epoch.is_possible(newest_view, message.tick));
-    computes(message.from, from)
+    !message.gone
+        && computes(message.from, from)
         && computes(message.to, to)
         && (from == to || message.names_only(allocation.len()) && is_possible())
+}
+
+/// Returns what a member tells its own regions of the regions of a member that was lost before it told anything in
+/// this exchange.
+pub(super) fn gone(
+    allocation: &Allocation,
+    (lost, member): (NodeId, NodeId),
+    tick: Tick,
+) -> impl Iterator<Item = BorderMessage> {
+    let of = |node| allocation.iter().filter(move |&(_, of)| *of == node).map(|(&region, _)| region);
+    of(lost).flat_map(move |from| {
+        of(member).map(move |to| BorderMessage { from, to, tick, gone: true, ..BorderMessage::default() })
+    })
 }
 
 /// The number of early border messages kept from one member beside those of the ticks that members may be

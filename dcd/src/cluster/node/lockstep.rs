@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::{Exchange, Node, NodeOutput, PendingView, Phase};
+use super::{Exchange, Node, NodeOutput, PendingView, Phase, borders};
 use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{
     DelayMonitor, DelayRules, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
@@ -326,11 +326,14 @@ impl Node {
             _ => panic!("no round is being computed"),
         };
         let me = self.config.id;
-        let mut with = self.others.clone();
+        let members = view.members.iter().map(|member| member.node).filter(|node| *node != me);
+        let (mut with, mut lost): (BTreeSet<_>, BTreeSet<_>) =
+            members.partition(|node| self.others.contains(node));
         if tick > view.tick && self.lag() == 0 {
             let near: BTreeSet<_> =
                 neighbours.iter().filter_map(|region| view.allocation.get(region)).collect();
             with.retain(|node| near.contains(node));
+            lost.retain(|node| near.contains(node));
         }
         let mut by_node: BTreeMap<NodeId, Vec<BorderMessage>> =
             with.iter().map(|&node| (node, Vec::new())).collect();
@@ -353,7 +356,7 @@ impl Node {
                 self.send(Peer::Node(node), Message::Border(border));
             }
         }
-        self.phase = Phase::Exchanging(Exchange { tick, round, with, arrived });
+        self.phase = Phase::Exchanging(Exchange { tick, round, with, lost, arrived });
         if !removed.is_empty() {
             self.send_server(ToServer::Removed { view: number, tick, bodies: removed });
         }
@@ -369,7 +372,7 @@ impl Node {
         let begins = self.view.as_ref().is_some_and(|view| view.tick == tick);
         let is_new = |heard: &Tick| self.lag() == 0 || begins || *heard > self.drained;
         let heard = self.heard_after(tick).filter(is_new);
-        let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase else { return };
+        let Phase::Exchanging(Exchange { with, lost, arrived, .. }) = &mut self.phase else { return };
         for node in with.iter() {
             let Some(said) = heard else {
                 arrived.entry(*node).or_default();
@@ -388,6 +391,7 @@ impl Node {
         }
         let me = self.config.id;
         let mut incoming: Vec<BorderMessage> = Vec::new();
+        let lost = std::mem::take(lost);
         for (node, messages) in std::mem::take(arrived) {
             let border = Border { view: number, tick, round, messages };
             if node != me {
@@ -401,6 +405,11 @@ impl Node {
                     self.counters.refused += 1;
                 }
             }
+        }
+        // Out of step, what was told before holds until something newer comes.
+        if let Some(view) = self.view.as_ref().filter(|_| self.lag() == 0) {
+            let gone = |lost| borders::gone(&view.allocation, (lost, me), tick);
+            incoming.extend(lost.into_iter().flat_map(gone));
         }
         incoming.sort_by_key(|message| (message.from, message.to));
         self.amend(tick, &mut incoming);

@@ -2,6 +2,7 @@
 //! view changes.
 
 mod clients;
+mod lost;
 mod said_again;
 
 use super::borders::EARLY_BORDERS;

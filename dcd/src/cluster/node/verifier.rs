@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::Node;
-use super::borders::can_be_said;
+use super::borders::{self, can_be_said};
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
 use crate::protocol::{
     Border, BorderMessage, Chunk, Finding, HeardBorder, Hindrance, JointRecord, Message, Placed, Report,
@@ -127,7 +127,7 @@ impl Job {
         }
         let mut incoming: Vec<_> =
             by_node.remove(&node).into_iter().flatten().map(|message| (node, message)).collect();
-        let mut disputed = Vec::new();
+        let (mut disputed, mut lost) = (Vec::new(), Vec::new());
         for (other, messages) in by_node {
             let digest = Border { view, tick, round, messages }.digest();
             // A member that died may have heard nothing.
@@ -144,7 +144,7 @@ impl Job {
                     incoming.extend(copy.messages.iter().map(|message| (other, message.clone())));
                 }
                 (Some(_), Some(_)) => return Err(self.contradicts(node, other)),
-                (None, _) if self.dead.contains(&other) => {}
+                (None, _) if self.dead.contains(&other) => lost.push(other),
                 _ => return Err(Finding::GivenUp(Hindrance::Unknown)),
             }
         }
@@ -152,6 +152,8 @@ impl Job {
             message.tick == tick && can_be_said(&self.allocation, self.newest_view, (*from, node), message)
         };
         let mut incoming: Vec<_> = incoming.into_iter().filter(can_be).map(|(_, message)| message).collect();
+        incoming
+            .extend(lost.into_iter().flat_map(|lost| borders::gone(&self.allocation, (lost, node), tick)));
         incoming.sort_by_key(|message| (message.from, message.to));
         Ok((incoming, disputed))
     }

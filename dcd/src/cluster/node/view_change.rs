@@ -35,7 +35,8 @@ impl Node {
         self.held.retain(|held| held.tick > self.dispatched);
         self.others.retain(|node| survivors.contains(node));
         self.verifier.survive(survivors);
-        if let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase {
+        if let Phase::Exchanging(Exchange { with, lost, arrived, .. }) = &mut self.phase {
+            lost.extend(with.iter().filter(|node| !survivors.contains(node)));
             with.retain(|node| survivors.contains(node));
             arrived.retain(|node, _| survivors.contains(node));
         }

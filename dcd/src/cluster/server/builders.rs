@@ -53,6 +53,15 @@ const MISUSES_PER_S: f64 = 4.0;
 /// program may be somewhat too fast.
 const FLOOD: usize = 64;
 
+/// The outcome of the operations of one message: how many bodies and other things were asked for, how many of them
+/// too soon, and why one is a misuse, if any is.
+#[derive(Default)]
+struct Told {
+    asked: usize,
+    too_soon: usize,
+    misuse: Option<Refusal>,
+}
+
 impl Server {
     /// Returns the indices of the next body and the next joint that a client may build.
     pub(super) fn next_built(&self, client: ClientId) -> (u32, u32) {
@@ -75,34 +84,60 @@ impl Server {
             self.misused(client, Refusal::MayNotBuild);
             return;
         }
-        let mut misuse = None;
-        let (mut asked, mut too_soon) = (0, 0);
+        let mut told = Told::default();
         for op in ops {
+            told.asked += op.bodies().len().max(1);
+            let several =
+                matches!(&op, BuildOp::Insert { bodies, .. } if bodies.len() > 1).then(|| op.clone());
             let bodies = op.bodies();
-            let count = bodies.len().max(1);
-            asked += count;
-            let now = self.common.now;
-            let building = &mut self.common.allowances.entry(client).or_default().building;
-            let cost = cost(&op, building.sizes.len());
-            let built = match building.changes.ask(now, cost, CHANGES, CHANGES_PER_S) {
-                true => self.build(client, op),
-                false => {
-                    too_soon += count;
-                    Err((Refusal::TooMany, false))
-                }
-            };
-            if let Err((reason, is_misuse)) = built {
+            let cost = cost(&op, self.built_count(client));
+            let Err((reason, is_misuse)) = self.build_if_due(client, op, cost, &mut told) else { continue };
+            // One body that may not come keeps no other away, but for those that joints tie to it.
+            let parts = several.filter(|_| !is_misuse && reason != Refusal::TooMany).map(|op| op.in_parts(0));
+            let Some(parts) = parts.filter(|parts| parts.len() > 1) else {
                 self.refuse_to_build(client, &bodies, reason);
-                misuse = misuse.or(is_misuse.then_some(reason));
+                told.misuse = told.misuse.or(is_misuse.then_some(reason));
+                continue;
+            };
+            for part in parts {
+                let bodies = part.bodies();
+                // What it makes others compute and hear was counted with the whole.
+                let cost = 1.0 + self.built_count(client) as f64 / LOOKED_THROUGH;
+                if let Err((reason, is_misuse)) = self.build_if_due(client, part, cost, &mut told) {
+                    self.refuse_to_build(client, &bodies, reason);
+                    told.misuse = told.misuse.or(is_misuse.then_some(reason));
+                }
             }
         }
-        if too_soon > FLOOD && 2 * too_soon > asked {
-            misuse = misuse.or(Some(Refusal::TooMany));
+        if told.too_soon > FLOOD && 2 * told.too_soon > told.asked {
+            told.misuse = told.misuse.or(Some(Refusal::TooMany));
         }
-        match misuse {
+        match told.misuse {
             Some(reason) if self.misused(client, reason) => {}
             _ => self.common.send_client(client, ToClient::Built(number)),
         }
+    }
+
+    /// Returns how many bodies a client has built.
+    fn built_count(&self, client: ClientId) -> usize {
+        self.common.allowances.get(&client).map_or(0, |allowance| allowance.building.sizes.len())
+    }
+
+    /// Carries out one operation of this cost if the client may ask for it so soon. An error is as that of [`Server::build`].
+    fn build_if_due(
+        &mut self,
+        client: ClientId,
+        op: BuildOp,
+        cost: f64,
+        told: &mut Told,
+    ) -> Result<(), (Refusal, bool)> {
+        let now = self.common.now;
+        let building = &mut self.common.allowances.entry(client).or_default().building;
+        if building.changes.ask(now, cost, CHANGES, CHANGES_PER_S) {
+            return self.build(client, op);
+        }
+        told.too_soon += op.bodies().len().max(1);
+        Err((Refusal::TooMany, false))
     }
 
     fn refuse_to_build(&mut self, client: ClientId, bodies: &[BodyId], reason: Refusal) {

@@ -73,7 +73,9 @@ impl Server {
         }
         let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
         let next_built = self.next_built(client);
-        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, next_built, world });
+        let incarnation = self.common.config.incarnation;
+        let welcome = ToClient::Welcome { id: client, logical_time, next_built, incarnation, world };
+        self.common.send_client(client, welcome);
         for chunk in parts {
             self.common.send_client(client, ToClient::Chunk(chunk));
         }

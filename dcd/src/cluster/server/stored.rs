@@ -56,6 +56,7 @@ fn ahead_of(number: ViewNumber) -> ViewNumber {
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 struct StoredWorld {
     world: EnvironmentProperties,
+    incarnation: u64,
     number: ViewNumber,
     main: GroupId,
     last_group: GroupId,
@@ -174,7 +175,7 @@ impl Server {
         // The viewpoints that the program set since then stand, unless the world is served with others now.
         let is_seen_as_before = stored.world.viewpoints == config.world.viewpoints;
         let record = Record::restored(bodies, shapes, joints);
-        let mut server = Self::new(config, record);
+        let mut server = Self::new(ServerConfig { incarnation: stored.incarnation, ..config }, record);
         server.main_mut().record.forget_changes();
         server.common.world_changed |= is_altered;
         server.common.groups_changed.extend(over.into_keys());
@@ -266,6 +267,7 @@ impl Server {
         if self.common.world_changed || soft {
             let stored = StoredWorld {
                 world: self.common.config.world.clone(),
+                incarnation: self.common.config.incarnation,
                 number: self.common.number,
                 main: self.main,
                 last_group: self.last_group,

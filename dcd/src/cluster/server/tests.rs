@@ -27,6 +27,7 @@ fn config(min_nodes: usize) -> ServerConfig {
     let can_build = |_: &_, shapes: &[_]| !shapes.iter().any(|shape| matches!(shape, ShapeRecord::Cone(..)));
     ServerConfig {
         world: sim_world(2),
+        incarnation: 1,
         min_nodes,
         grouping: Default::default(),
         avatar_expiry: 10 * ABSENCE,

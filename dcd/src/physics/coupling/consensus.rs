@@ -162,7 +162,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     let all_sleep = body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping);
-    if shared.heard.is_empty() || all_sleep && !shared.displaced {
+    if shared.heard.is_empty() || all_sleep && shared.displaced.is_none() {
         return;
     }
     let owner = shared.members.without(shared.warming).iter().next();
@@ -180,7 +180,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
         // A copy that has just come has yet to hear where it is.
-        if !shared.displaced {
+        if shared.displaced.is_none() {
             region.give_up_copies(link.handle);
         }
         return;
@@ -202,9 +202,10 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
     if rank != own_rank || struck.is_some() {
-        if std::mem::take(&mut shared.displaced) {
+        if let Some(still_s) = shared.displaced.take() {
             let pose = convert::region_from_world(region.anchor(), &copy.pose);
-            region.put_copy(link.handle, pose);
+            let still_s = if still_s > 0.0 { still_s + tick_s } else { 0.0 };
+            region.put_copy_back(link.handle, pose, still_s);
         }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }

@@ -300,6 +300,10 @@ impl Coupling {
         ground: Ground<'_>,
         moment: Moment<'_>,
     ) -> Result<(), ShapeError> {
+        for message in inbox.clone().filter(|message| message.gone) {
+            side.border.shared.forget_region(ground.rank_of(message));
+        }
+        let inbox = inbox.filter(|message| !message.gone);
         for message in inbox.clone() {
             side.border.silent_ticks = 0;
             if message.asks {

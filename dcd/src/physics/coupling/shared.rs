@@ -35,9 +35,9 @@ pub(super) struct Shared {
     pub dealt: Dealt,
     /// The impulse on this copy after it was sent to a new member, which is still to be told.
     pub owed: Option<Strike>,
-    /// Says whether the copy lies as it did when its owner found its contacts, and not where the body is; until
-    /// the next exchange.
-    pub displaced: bool,
+    /// For how long the body has been still, in seconds, if the copy lies as it did when its owner found its
+    /// contacts, and not where the body is; until the next exchange.
+    pub displaced: Option<f32>,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which its island has included bodies of other regions.
@@ -117,6 +117,13 @@ impl SharedBodies {
         &mut place.as_mut().expect("just entered").1
     }
 
+    /// Forgets all copies of a region that is gone.
+    pub(super) fn forget_region(&mut self, rank: usize) {
+        for (_, shared) in self.of.iter_mut().flatten() {
+            shared.heard.retain(|(other, _)| *other != rank);
+        }
+    }
+
     /// Forgets a body that only one region holds, or none any more.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
         if let Some(place) = self.of.get_mut(handle.into_raw_parts().0 as usize) {
@@ -129,7 +136,7 @@ impl SharedBodies {
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.heard.clear();
-        shared.displaced = false;
+        shared.displaced = None;
     }
 
     /// Sets the members of a body and its warm-up ghosts. A body with one member is no longer shared.

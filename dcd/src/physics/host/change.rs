@@ -16,6 +16,9 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, JointId};
 
+/// The speed, m/s and rad/s, above which nothing pushes a body.
+const MOST_M_S: f32 = 1e6;
+
 impl RegionHost {
     /// Sets how the world is stepped from the next tick on. If gravity is another, wakes what sleeps, and has what is
     /// still begin anew to be so. The host must compute every region. The coupling, its exchanges, depth and island limit
@@ -137,19 +140,46 @@ impl RegionHost {
         drives && self.change_copies(id, |body| body.wake_up(true)).is_some()
     }
 
-    /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether the body is held here.
+    /// Returns whether a push would make a body faster than [`MOST_M_S`], and faster than it is. A force counts for one
+    /// tick. Beyond single precision Rapier would take the body out of the world.
+    pub fn is_too_much(&self, push: &Push) -> bool {
+        let held =
+            || self.regions().find_map(|region| region.handle_of(push.body).map(|handle| (region, handle)));
+        let Some((region, handle)) = self.owned(push.body).or_else(held) else { return false };
+        let body = &region.physics().bodies[handle];
+        let mass = body.mass_properties();
+        let seconds = if push.lasts { self.settings.dt_s } else { 1.0 };
+        // A copy of a body that regions share has a part of its mass. One that only follows is pushed as if it moved.
+        let scale = seconds / region.share_of(handle) as f32;
+        let (linear, angular) = in_full(region, handle, push);
+        let (inv_mass, inv_inertia) = match body.is_dynamic() {
+            true => (mass.effective_inv_mass, mass.effective_world_inv_inertia),
+            false => {
+                let own = &mass.local_mprops;
+                (Vector::splat(own.inv_mass), own.world_inv_inertia(body.rotation()))
+            }
+        };
+        let is_too_fast = |before: Vector, more: Vector| {
+            let after = before + more;
+            !after.is_finite() || after.length() > MOST_M_S && after.length() > before.length()
+        };
+        is_too_fast(body.linvel(), linear * scale * inv_mass)
+            || is_too_fast(body.angvel(), inv_inertia * (angular * scale))
+    }
+
+    /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether the body is held here. A push
+    /// that is too much ([`RegionHost::is_too_much`]) is left out.
     pub fn push(&mut self, push: &Push) -> bool {
-        let linear = Vector::from_array(push.linear);
+        if self.is_too_much(push) {
+            // A builder may ask for thousands of these.
+            tracing::debug!(body = %push.body, ?push, "a push is left out: the body would be too fast");
+            return false;
+        }
         let mut held = false;
         for place in self.places_of(push.body) {
             let region = &mut self.sides[place].region;
             let Some(handle) = region.handle_of(push.body) else { continue };
-            // From the centre of each copy itself: on nodes, the owner's copy may be elsewhere.
-            let centre = centre_in(region, handle);
-            let arm = push.point.map_or(Vector::ZERO, |point| {
-                Vector::from_array(std::array::from_fn(|i| (point[i] - centre[i]) as f32))
-            });
-            let angular = Vector::from_array(push.angular) + arm.cross(linear);
+            let (linear, angular) = in_full(region, handle, push);
             region.change(handle, |body| {
                 if push.lasts {
                     body.reset_forces(true);
@@ -435,6 +465,17 @@ impl RegionHost {
     }
 }
 
+/// Returns the linear and the angular part of a push on a copy of a body, about the centre of this copy itself: on
+/// nodes, the owner's copy may be elsewhere.
+fn in_full(region: &Region, handle: RigidBodyHandle, push: &Push) -> (Vector, Vector) {
+    let linear = Vector::from_array(push.linear);
+    let centre = centre_in(region, handle);
+    let arm = push.point.map_or(Vector::ZERO, |point| {
+        Vector::from_array(std::array::from_fn(|i| (point[i] - centre[i]) as f32))
+    });
+    (linear, Vector::from_array(push.angular) + arm.cross(linear))
+}
+
 /// Returns the centre of mass of a copy, in world space, even right after the copy was moved.
 fn centre_in(region: &Region, handle: RigidBodyHandle) -> [f64; 3] {
     let (body, pose) = (&region.physics().bodies[handle], region.motion(handle).0);
@@ -519,6 +560,31 @@ mod tests {
             assert_eq!(all[0].states(), all[1].states(), "tick {tick}");
         }
         assert!(pushed > 0);
+    }
+
+    #[test]
+    fn a_push_beyond_all_speed_is_left_out() {
+        let id = BodyId::persistent(1);
+        let pushes = [
+            Push::torque_impulse(id, [0.0, 1e20, 0.0]),
+            Push::impulse(id, [3e38, 0.0, 0.0]),
+            Push::force(id, [0.0; 3], [0.0, 1e30, 0.0]),
+            Push::force(id, [0.0, 1e12, 0.0], [0.0; 3]),
+        ];
+        let after = |push: Option<&Push>| {
+            let mut host = pair();
+            host.step().unwrap();
+            let is_done = push.map(|push| host.push(push));
+            (0..3).for_each(|_| host.step().unwrap());
+            let at = host.states().find(|(of, ..)| *of == id).map(|(_, _, pose, _)| pose);
+            (is_done, at.unwrap())
+        };
+        let (_, at_rest) = after(None);
+        for push in &pushes {
+            assert_eq!(after(Some(push)), (Some(false), at_rest), "{push:?}");
+        }
+        let (is_done, at) = after(Some(&Push::impulse(id, [0.0, 9.0, 0.0])));
+        assert!(is_done == Some(true) && at != at_rest);
     }
 
     #[test]

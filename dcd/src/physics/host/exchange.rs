@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
-use super::{HostError, RegionHost};
+use super::{HostError, RegionHost, threads};
 use crate::physics::coupling::{Ground, Moment, Side};
 use crate::physics::outbox::Outbox;
 use crate::physics::owner_index::Home;
@@ -29,16 +29,27 @@ impl RegionHost {
     /// since which all that was done to it here is in that. Those in `as_told` are taken as their owner told.
     pub fn accept_late(
         &mut self,
-        mut message: BorderMessage,
+        message: BorderMessage,
         now: Tick,
         as_told: &BTreeSet<BodyId>,
     ) -> BTreeMap<BodyId, Tick> {
         let rank = self.partition.rank_of(message.to).expect("messages go to regions of this tree");
         let dt_s = self.settings.dt_s;
-        let place = self.place_of[rank];
-        let as_here = place.map(|place| self.sides[place].carry_forward(&mut message, now, dt_s, as_told));
+        let Some(place) = self.place_of[rank] else {
+            self.accept(message);
+            return BTreeMap::new();
+        };
+        let as_told = as_told.clone();
+        let mut work = vec![(std::mem::take(&mut self.sides), message, BTreeMap::new())];
+        // Rapier computes some of it again, which it shares out over no other threads than this host's.
+        threads::alone(&mut work, move |work| {
+            let (sides, message, as_here) = &mut work[0];
+            *as_here = sides[place].carry_forward(message, now, dt_s, &as_told);
+        });
+        let (sides, message, as_here) = work.pop().expect("one was put in");
+        self.sides = sides;
         self.accept(message);
-        as_here.unwrap_or_default()
+        as_here
     }
 
     /// Applies the messages accepted so far, and sends none. No tick ends with it.

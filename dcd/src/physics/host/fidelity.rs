@@ -183,8 +183,9 @@ impl RegionHost {
                 side.clock.rate = side.clock.span;
             }
         }
+        let dt_s = self.settings.dt_s;
         for side in self.sides.iter_mut().filter(|side| side.steps_now()) {
-            side.region.foresee(side.clock.span);
+            side.region.foresee(side.clock.span, dt_s);
         }
         self.audited = None;
         self.auditing.0.clear();
@@ -323,7 +324,7 @@ impl RegionHost {
             side.clock.span = 0;
             if due.contains(side.region.rank()) {
                 std::mem::swap(&mut side.clock.span, &mut side.clock.owed);
-                side.region.foresee(side.clock.span);
+                side.region.foresee(side.clock.span, self.settings.dt_s);
             }
         }
         let (now, told) = (self.tick, self.handovers.len());

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use rapier3d::prelude::*;
 
 use super::contacts::renew_contacts;
+use super::urgency::is_delicate;
 use super::{Moved, Region};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
@@ -190,12 +191,17 @@ impl Region {
             let meets = |own: &ColliderRecord| (own.sensor, own.collision_groups, own.solver_groups);
             appears = wakes || meets(&new) != meets(old);
             if new != *old {
+                region.delicate -= usize::from(is_delicate(&slot.traits));
                 let traits = Arc::make_mut(&mut slot.traits);
                 let old = std::mem::replace(&mut traits.colliders[index], new);
                 let new = &traits.colliders[index];
                 let weighs = |own: &ColliderRecord| (own.shape, own.mass, own.enabled);
-                if weighs(&old) != weighs(new) && record::hangs(traits, shapes) {
+                let is_massless = weighs(&old) != weighs(new) && record::hangs(traits, shapes);
+                if is_massless {
                     traits.colliders[index] = old;
+                }
+                region.delicate += usize::from(is_delicate(traits));
+                if is_massless {
                     return Err(ShapeError::Massless);
                 }
             }

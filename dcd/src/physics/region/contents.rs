@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 
 use super::characters::Walking;
+use super::urgency::is_delicate;
 use super::vehicles::Driving;
 use super::{BodyRef, Ownership, Region, Slot, floating_origin};
 use crate::physics::outline::Outline;
@@ -57,6 +58,7 @@ impl Region {
         if body.traits.character.is_some() {
             self.characters.insert(body.id, Walking::new(body.state.gait.unwrap_or_default()));
         }
+        self.delicate += usize::from(is_delicate(&body.traits));
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
@@ -140,6 +142,7 @@ impl Region {
         }
         self.forget_retied(id);
         self.listener.forget(id);
+        self.delicate -= usize::from(is_delicate(&self.slot(handle).traits));
         self.targets.forget(handle);
         self.characters.remove(&id);
         self.vehicles.remove(&id);

@@ -18,6 +18,13 @@ const STIFFER: f32 = 2.4;
 /// How far away a body foresees contacts in a step of several ticks, metres. Otherwise bodies would be found
 /// inside one another after the step.
 pub(super) const FORESEEN_M: f32 = 1.0;
+/// The turn in a step from which on Rapier is told not to cap a spin, radians. It caps spins at π/4 per step: at a quarter
+/// of that which it allows in a tick.
+const FREE_RAD: f32 = 0.3;
+/// A step that is so many times longer than the last one needs boxes of its own in the broad phase, for bodies that go
+/// farther in it than this, metres.
+const LONGER: f32 = 1.01;
+const SLOW_M: f32 = 0.01;
 /// The spin that counts is the one that one in this many bodies exceeds.
 const SPINNING: usize = 10;
 
@@ -44,14 +51,31 @@ impl Region {
         self.signals
     }
 
-    /// Makes awake bodies foresee what they would come to touch in a step of so many ticks.
-    pub(in crate::physics) fn foresee(&mut self, ticks: u8) {
+    /// Makes awake bodies foresee what they would come to touch in a step of so many ticks of this length, and lets them
+    /// spin on in it.
+    pub(in crate::physics) fn foresee(&mut self, ticks: u8, dt_s: f32) {
         let least_m = if ticks > 1 { FORESEEN_M } else { 0.0 };
         let awake: Vec<_> = self.world.islands.active_bodies().collect();
+        let step_s = f32::from(ticks) * dt_s;
+        let is_longer = ticks > 1 && step_s > LONGER * self.world.integration_parameters.dt;
         for handle in awake {
-            let wanted_m = self.slot(handle).traits.soft_ccd_m.max(least_m);
-            if self.world.bodies[handle].soft_ccd_prediction() != wanted_m {
-                self.world.bodies[handle].set_soft_ccd_prediction(wanted_m);
+            let traits = &self.slot(handle).traits;
+            let wanted_m = traits.soft_ccd_m.max(least_m);
+            let body = &self.world.bodies[handle];
+            let spins = traits.fast_rotation || ticks > 1 && body.angvel().length() * step_s > FREE_RAD;
+            let sees_farther = wanted_m > body.soft_ccd_prediction() || is_longer;
+            if body.soft_ccd_prediction() != wanted_m || body.is_fast_rotation_allowed() != spins {
+                let body = &mut self.world.bodies[handle];
+                body.set_soft_ccd_prediction(wanted_m);
+                body.set_allow_fast_rotation(spins);
+            }
+            let body = &self.world.bodies[handle];
+            if sees_farther && body.linvel().length() * step_s > SLOW_M {
+                // Rapier has made the boxes of the broad phase at the end of the last step, for one as short.
+                for collider in body.colliders().to_vec() {
+                    let collider = &mut self.world.colliders[collider];
+                    collider.set_position(*collider.position());
+                }
             }
         }
     }
@@ -80,12 +104,19 @@ impl Region {
     /// Resets a body to the iterations that its user gave it, so that the user sees these; [`Region::refine`]
     /// gives it more again.
     pub(in crate::physics) fn unrefine(&mut self, handle: RigidBodyHandle) {
-        let (own, own_m) = (self.own_iterations(handle), self.slot(handle).traits.soft_ccd_m);
+        let traits = &self.slot(handle).traits;
+        let (own, own_m, spins) = (self.own_iterations(handle), traits.soft_ccd_m, traits.fast_rotation);
         let body = &self.world.bodies[handle];
-        if body.additional_solver_iterations() != own || body.soft_ccd_prediction() != own_m {
+        let now = (
+            body.additional_solver_iterations(),
+            body.soft_ccd_prediction(),
+            body.is_fast_rotation_allowed(),
+        );
+        if now != (own, own_m, spins) {
             let body = &mut self.world.bodies[handle];
             body.set_additional_solver_iterations(own);
             body.set_soft_ccd_prediction(own_m);
+            body.set_allow_fast_rotation(spins);
         }
     }
 

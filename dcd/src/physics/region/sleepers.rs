@@ -68,6 +68,17 @@ impl Region {
         self.world_mut().bodies[handle].set_position(pose, false);
     }
 
+    /// Puts a copy that found its contacts elsewhere to where the body is, which has been still for so many seconds.
+    /// However far that is, the body has not moved: it goes on to fall asleep.
+    pub(in crate::physics) fn put_copy_back(&mut self, handle: RigidBodyHandle, pose: Pose, still_s: f32) {
+        self.put_copy(handle, pose);
+        let body = &mut self.world.bodies[handle];
+        if still_s > 0.0 && body.is_dynamic() && !body.is_sleeping() {
+            body.activation_mut().time_since_can_sleep = still_s;
+            self.born_awake.push(handle);
+        }
+    }
+
     /// Leaves a body at rest, with what is beside it, when the coupling is about to change it.
     pub(super) fn leave_at_rest(&mut self, handle: RigidBodyHandle) {
         self.left.push(handle);
@@ -178,7 +189,9 @@ impl Region {
 
 /// Returns whether a body is awake and has been still for a while.
 fn rests_awake(body: &RigidBody) -> bool {
-    body.is_dynamic() && !body.is_sleeping() && body.activation().time_since_can_sleep > 0.0
+    // By Rapier, what lies on a kinematic body sleeps only together with it.
+    let is_still = body.is_dynamic() || body.is_kinematic() && !body.is_moving();
+    is_still && !body.is_sleeping() && body.activation().time_since_can_sleep > 0.0
 }
 
 /// Returns whether a body sleeps and is to stay where it is when it wakes: what flies on then would fly on now.
@@ -486,6 +499,35 @@ mod tests {
             (0..30).for_each(|_| world.step().unwrap());
             let y = world.pose(id).unwrap().translation[1];
             assert!(y < 0.0, "{way}: {y} m");
+        }
+    }
+
+    /// Eight boxes fall onto a platform that does not move, in two layers that come apart over the corner of four
+    /// regions. Copies of boxes that lie near others come and go there.
+    #[test]
+    fn copies_that_come_and_go_keep_nothing_on_a_platform_awake() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::mixed;
+        for seed in [112, 146] {
+            let mut drawn = 100 * seed;
+            let mut aside = |most: f32| {
+                drawn += 1;
+                most * ((mixed(drawn) >> 40) as f32 / (1 << 24) as f32 - 0.5)
+            };
+            let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.0)]);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let plate = RigidBodyBuilder::kinematic_velocity_based().translation(-0.5 * Vector::Y);
+            world.insert(plate, ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+            let (x, z) = (aside(1.0), aside(1.0));
+            let boxes = [0, 1, 2, 3, 4, 5, 6, 7].map(|i: u32| {
+                let [along, across, up] = [i & 1, i >> 1 & 1, i >> 2].map(|i| 0.62 * i as f32);
+                let (x, z) = (x + along - 0.31 + aside(0.04), z + across - 0.31 + aside(0.04));
+                let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 4.3 + up, z));
+                world.insert(body, ColliderBuilder::cuboid(0.3, 0.3, 0.3)).unwrap()
+            });
+            (0..1_000).for_each(|_| world.step().unwrap());
+            let awake = boxes.iter().filter(|&&id| !world.body(id).unwrap().is_sleeping()).count();
+            assert_eq!(awake, 0, "seed {seed}");
         }
     }
 }

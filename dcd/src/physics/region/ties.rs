@@ -175,7 +175,9 @@ impl Region {
         b: RigidBodyHandle,
         record: &JointRecord,
     ) -> Option<MultibodyJointHandle> {
-        if [a, b].into_iter().any(|end| matches!(self.slot(end).role, Ownership::Replica { .. })) {
+        let is_ghost = |end| matches!(self.slot(end).role, Ownership::Replica { .. });
+        // Rapier ends the program at a link that is not dynamic.
+        if is_ghost(a) || is_ghost(b) || !self.physics().bodies[b].is_dynamic() {
             return None;
         }
         let joint = joints::joint_of(record);

@@ -1,6 +1,6 @@
 //! Tells whether a region must be stepped in every tick for now. A step of several ticks would count what its user
-//! has just changed for too many ticks, end inside of what a fast body flies at, or leave behind whoever rides on
-//! what moves.
+//! has just changed for too many ticks, end inside of what a fast body flies at, leave behind whoever rides on
+//! what moves, pass by a sensor, or tell a hit's force as if it had lasted for all of the step.
 
 use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
@@ -9,12 +9,26 @@ use super::Region;
 use super::moved::place;
 use super::refine::FORESEEN_M;
 use crate::fidelity::ATTENDED_TICKS;
+use crate::protocol::{BodyTraits, ColliderRecord};
 
 /// The distance, metres, up to which a character near a kinematic body that moves is taken for its rider.
 const RIDER_GAP_M: f32 = 0.5;
 /// The margin, metres, by which the boxes of fast bodies are grown: forces bend their way, and copies of shared
 /// bodies are moved after a step.
 const MARGIN_M: f32 = 0.1;
+/// The way towards something in a step, metres, from which on it matters what is met.
+const NOTED_M: f32 = 0.05;
+/// The restitution from which on a body that falls keeps less of its bounce in a step of several ticks: gravity pulls it
+/// for all of the step.
+const BOUNCY: f32 = 0.5;
+
+/// Returns whether a body is met more finely than others: it senses, tells forces of contacts, or bounces.
+pub(super) fn is_delicate(traits: &BodyTraits) -> bool {
+    let tells =
+        |events: u32| ActiveEvents::from_bits_truncate(events).contains(ActiveEvents::CONTACT_FORCE_EVENTS);
+    let is_delicate = |own: &ColliderRecord| own.sensor || tells(own.events) || own.restitution >= BOUNCY;
+    traits.colliders.iter().any(is_delicate)
+}
 
 impl Region {
     /// Notes that its user changes something here.
@@ -37,18 +51,23 @@ impl Region {
         self.attended = 0;
     }
 
-    /// Returns whether a step of this length could miss a contact, or lose a rider: a body that goes farther in it
-    /// than it foresees ([`Region::foresee`]) may come to another one, or a character is near a kinematic body that
-    /// moves.
+    /// Returns whether a step of this length could miss a contact, lose a rider, or tell a meeting wrong: a body that
+    /// goes farther in it than it foresees ([`Region::foresee`]) may come to another one, a character is near a kinematic
+    /// body that moves, a vehicle drives, or a body may come to a sensor or to something whose hits are noted.
     pub(in crate::physics) fn is_rushed(&self, step_s: f32) -> bool {
         let has_riders = !self.characters.is_empty() && self.has_kinematic();
+        let has_drivers = !self.vehicles.is_empty();
         self.awake().any(|handle| {
             let body = &self.world.bodies[handle];
-            if body.linvel().length() * step_s > FORESEEN_M {
+            let way_m = body.linvel().length() * step_s;
+            if way_m > FORESEEN_M {
                 // Rapier's tree does not have what came since the last step.
                 body.is_enabled() && (!self.touched.is_empty() || self.may_hit(handle, step_s))
             } else {
                 has_riders && self.may_carry(handle)
+                    || way_m > NOTED_M
+                        && (has_drivers && self.slot(handle).traits.vehicle.is_some()
+                            || self.delicate > 0 && self.may_disturb(handle, step_s))
             }
         })
     }
@@ -56,28 +75,85 @@ impl Region {
     /// Returns whether a body may come to another one in a step of this length that is no faster itself. The
     /// faster of two asks for both.
     fn may_hit(&self, handle: RigidBodyHandle, step_s: f32) -> bool {
+        let bodies = &self.world.bodies;
+        self.may_meet(handle, step_s, FORESEEN_M, |own, _, found, _| {
+            let is_solid = |collider: ColliderHandle| !self.world.colliders[collider].is_sensor();
+            let moves = |collider: ColliderHandle| {
+                self.world.colliders[collider].parent().is_some_and(|parent| bodies[parent].is_dynamic())
+            };
+            is_solid(own) && is_solid(found) && (moves(own) || moves(found))
+        }) || self.delicate > 0 && self.may_disturb(handle, step_s)
+    }
+
+    /// Returns whether a body may pass by or through a sensor in a step of this length, or hit something where hits are
+    /// noted.
+    fn may_disturb(&self, handle: RigidBodyHandle, step_s: f32) -> bool {
+        let PhysicsWorld { bodies, colliders, narrow_phase, gravity, .. } = &*self.world;
+        self.may_meet(handle, step_s, NOTED_M, |own, bounds, found, way_m| {
+            let both = [own, found].map(|collider| &colliders[collider]);
+            if both.iter().any(|collider| collider.is_sensor()) {
+                let thin = |bounds: &Aabb| bounds.extents().min_element();
+                return way_m > 0.5 * (thin(bounds) + thin(&both[1].compute_aabb()))
+                    && narrow_phase.intersection_pair(own, found) != Some(true);
+            }
+            let body = |collider: &Collider| collider.parent().and_then(|parent| bodies.get(parent));
+            let dynamic =
+                || both.iter().filter_map(|collider| body(collider)).filter(|body| body.is_dynamic());
+            let falls = || dynamic().any(|body| *gravity * body.gravity_scale() != Vector::ZERO);
+            let is_told = both
+                .iter()
+                .any(|collider| collider.active_events().contains(ActiveEvents::CONTACT_FORCE_EVENTS));
+            let bounces = both.iter().any(|collider| collider.restitution() >= BOUNCY);
+            if dynamic().next().is_none() || !(is_told || bounces && falls()) {
+                return false;
+            }
+            // What touches already comes nearer by its speed along the normal alone.
+            let Some(pair) =
+                narrow_phase.contact_pair(own, found).filter(|pair| pair.has_any_active_contact())
+            else {
+                return true;
+            };
+            let velocity = |collider: ColliderHandle| {
+                body(&colliders[collider]).map_or(Vector::ZERO, |body| body.linvel())
+            };
+            let nearing = velocity(pair.collider1) - velocity(pair.collider2);
+            pair.manifolds().iter().any(|manifold| nearing.dot(manifold.data.normal) * step_s > NOTED_M)
+        })
+    }
+
+    /// Returns whether a body may come in a step of this length to a collider that is more than `least_m` nearer then, and
+    /// that counts: `counts` is given a collider of the body with its bounds, the other one, and by how much they near.
+    fn may_meet(
+        &self,
+        handle: RigidBodyHandle,
+        step_s: f32,
+        least_m: f32,
+        counts: impl Fn(ColliderHandle, &Aabb, ColliderHandle, f32) -> bool,
+    ) -> bool {
         let (bodies, colliders) = (&self.world.bodies, &self.world.colliders);
         let body = &bodies[handle];
         let way = body.linvel() * step_s;
-        let filter = QueryFilter::default().exclude_rigid_body(handle).exclude_sensors();
+        let filter = QueryFilter::default().exclude_rigid_body(handle);
         let queries = self.world.query_pipeline_with_filter(filter);
         let is_tied = |other| {
             let assembly = self.slot(handle).assembly;
             assembly.is_some() && assembly == self.slot(other).assembly
         };
-        let solid = body.colliders().iter().map(|&collider| &colliders[collider]);
-        let mut solid = solid.filter(|collider| !collider.is_sensor() && collider.is_enabled());
-        solid.any(|collider| {
+        body.colliders().iter().any(|&own| {
+            let collider = &colliders[own];
+            if !collider.is_enabled() {
+                return false;
+            }
             let bounds = collider.shape().compute_aabb(&place(body, collider)).loosened(MARGIN_M);
             let around = bounds.merged(&bounds.translated(way)).loosened(way.length());
-            queries.intersect_aabb_conservative(around).any(|(_, found)| {
-                let Some(other) = found.parent().filter(|&other| !is_tied(other)) else { return false };
-                let apart = bodies[other].linvel() * step_s - way;
+            queries.intersect_aabb_conservative(around).any(|(other, found)| {
+                let Some(parent) = found.parent().filter(|&parent| !is_tied(parent)) else { return false };
+                let apart = bodies[parent].linvel() * step_s - way;
                 let at = found.compute_aabb();
-                (body.is_dynamic() || bodies[other].is_dynamic())
-                    && collider.collision_groups().test(found.collision_groups())
-                    && apart.length() > FORESEEN_M
+                collider.collision_groups().test(found.collision_groups())
+                    && apart.length() > least_m
                     && (bounds.intersects(&at) || bounds.intersects_moving_aabb(&at, apart))
+                    && counts(own, &bounds, other, apart.length())
             })
         })
     }

@@ -162,6 +162,8 @@ pub enum ToClient {
         logical_time: u64,
         /// The indices of the next body and the next joint that it may build.
         next_built: (u32, u32),
+        /// Tells this world from others that the same server served before.
+        incarnation: u64,
         /// The world.
         world: EnvironmentProperties,
     },

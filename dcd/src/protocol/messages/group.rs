@@ -454,6 +454,9 @@ pub enum WorldOp {
         tick: Tick,
         /// The states, in id order.
         states: Vec<SharedState>,
+        /// The bodies among them that something has kept away for long, in id order. They are put there at once,
+        /// unless joints hold them.
+        stuck: Vec<BodyId>,
     },
     /// Changes the tree, before anything else of this tick.
     Repartition(Repartition),

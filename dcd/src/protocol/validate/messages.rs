@@ -125,9 +125,10 @@ impl Check for WorldOp {
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
             Self::Alter(alteration) => alteration.check(),
-            Self::Correct { tick, states } => {
+            Self::Correct { tick, states, stuck } => {
                 tick.check()?;
-                all(states)
+                all(states)?;
+                ascending(stuck, |&body| body, "correct.stuck")
             }
             Self::Ask { question, .. } => question.check(),
             Self::Schedule(schedule) => {

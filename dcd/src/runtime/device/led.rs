@@ -27,7 +27,16 @@ impl Led {
     ///
     /// A body that was hit since then goes on as it does here: the authoritative group may have computed the same hit
     /// by now. To be put back to where it was about to be hit, it would hit again, and as if it were infinitely heavy.
-    pub(super) fn lead(&mut self, host: &mut RegionHost, told: Tick, states: &[SharedState], band_m: f64) {
+    ///
+    /// A body that is `stuck` behind another one is put there, in every copy held here, unless joints hold it.
+    pub(super) fn lead(
+        &mut self,
+        host: &mut RegionHost,
+        told: Tick,
+        states: &[SharedState],
+        stuck: &[BodyId],
+        band_m: f64,
+    ) {
         // Poses here are those after the last tick.
         let now = host.tick();
         let late = now.0.saturating_sub(told.0);
@@ -35,6 +44,9 @@ impl Led {
         let until_now = if self.last == Some(now) { self.late } else { 0 };
         (self.last, self.late) = (Some(now), until_now.max(late.min(FORGET_TICKS)));
         for state in states {
+            if stuck.binary_search(&state.id).is_ok() && put(host, state, lag_s) {
+                continue;
+            }
             let known = self.hits.binary_search_by_key(&state.id, |(id, _)| *id);
             if !known.is_ok_and(|at| self.hits[at].1.outdate(told, late)) {
                 lead(host, state, lag_s, band_m);
@@ -86,6 +98,16 @@ fn free_copies(host: &RegionHost) -> Vec<(BodyId, &Region, RigidBodyHandle)> {
     copies.into_iter().map(|(id, _, region, handle)| (id, region, handle)).collect()
 }
 
+/// Puts a dynamic body that no joint holds to its authoritative state in another group. Returns whether it is there.
+fn put(host: &mut RegionHost, target: &SharedState, lag_s: f64) -> bool {
+    let Some(BodyRecord { traits, .. }) = host.record(target.id) else { return false };
+    if traits.kind != BodyKind::Dynamic || host.joints_of(target.id).next().is_some() {
+        return false;
+    }
+    host.move_copies(target.id, target.pose.moved(&target.velocity, lag_s))
+        && host.steer(target.id, &target.velocity)
+}
+
 /// Corrects a body towards its authoritative state in another group.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
@@ -112,7 +134,7 @@ mod tests {
     use super::*;
     use crate::physics::Partition;
     use crate::protocol::WorldPose;
-    use crate::scene::Scene;
+    use crate::scene::{Scene, SceneJoint};
     use crate::space::{Bounds, DistributionTree};
 
     /// A world of one region.
@@ -149,7 +171,7 @@ mod tests {
                     let (region, handle) = there.owned(ids[1]).unwrap();
                     told.push(region.shared_state(handle));
                     if let Some(tick) = tick.checked_sub(late) {
-                        led.lead(&mut here, Tick(tick as u64), &told[tick..=tick], 0.01);
+                        led.lead(&mut here, Tick(tick as u64), &told[tick..=tick], &[], 0.01);
                     }
                     led.look_ahead(&here);
                     there.step().unwrap();
@@ -165,6 +187,44 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn what_is_stuck_behind_a_wall_is_put_to_its_place_unless_a_joint_holds_it() {
+        for is_tied in [false, true] {
+            let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("wall") };
+            let ball = || (RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5));
+            let (body, collider) = ball();
+            let led_one = scene.push(WorldPose::at([-3.0, 0.0, 0.0]), body, collider);
+            let wall = ColliderBuilder::cuboid(0.5, 5.0, 5.0);
+            scene.push(WorldPose::at([0.0; 3]), RigidBodyBuilder::fixed(), wall);
+            if is_tied {
+                let (body, collider) = ball();
+                let other = scene.push(WorldPose::at([-3.0, 1.5, 0.0]), body, collider);
+                let joint = SphericalJointBuilder::new().local_anchor1(Vector::Y * 1.5).build().into();
+                scene.joints.push(SceneJoint { a: led_one, b: other, joint, multibody: None });
+            }
+            let (mut here, mut led) = (host(&scene), Led::default());
+            let id = here.owned_bodies().map(|(id, ..)| id).next().unwrap();
+            let (region, handle) = here.owned(id).unwrap();
+            let goal = SharedState { pose: WorldPose::at([3.0, 0.0, 0.0]), ..region.shared_state(handle) };
+            let mut x_after = |stuck: &[BodyId], ticks: u64| {
+                for _ in 0..ticks {
+                    let now = here.tick();
+                    led.lead(&mut here, now, &[goal], stuck, 0.01);
+                    led.look_ahead(&here);
+                    here.step().unwrap();
+                    led.look_back(&here);
+                }
+                let (region, handle) = here.owned(id).unwrap();
+                region.shared_state(handle).pose.translation[0]
+            };
+            let before = x_after(&[], 300);
+            assert!((-1.3..-0.9).contains(&before), "it is pushed against the wall: {before}");
+            let put = x_after(&[id], 1);
+            let expected = if is_tied { before } else { 3.0 };
+            assert!((put - expected).abs() < 1e-2, "{put}, not {expected}");
         }
     }
 }

@@ -42,7 +42,7 @@ pub(super) use self::journal::EtcdJournal;
 pub(super) use self::lease::Wait;
 
 /// The format of head and segments. A world of another format is refused.
-const FORMAT: u64 = 5;
+const FORMAT: u64 = 6;
 /// A commit saves batches that are not durable, too, if the last save was this long ago.
 const UNSAVED: Duration = Duration::from_secs(1);
 /// The log is begun anew once it has this many times the bytes of the entries in it,

@@ -31,7 +31,7 @@ pub struct RedbDirectory {
 }
 
 /// The format of keys and values in the file. A file of another format is refused.
-const FORMAT: u64 = 7;
+const FORMAT: u64 = 8;
 /// Maps a key to its revision (8 bytes, big-endian) and value.
 const ENTRIES: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("dcd entries");
 /// The format of the file, and its last revision.

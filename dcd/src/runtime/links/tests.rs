@@ -80,6 +80,7 @@ impl Pair {
             id: ClientId(1),
             logical_time: 0,
             next_built: (0, 0),
+            incarnation: 1,
             world: sim_world(2),
         });
         (0..chunks).for_each(|_| self.tell_bodies());

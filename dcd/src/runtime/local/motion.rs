@@ -17,6 +17,10 @@ impl LocalWorld {
             range: rule,
         })?;
         self.host.attend(push.body)?;
+        if self.host.is_too_much(push) {
+            let range = "so much that the body gets no faster than 1e6 m/s and 1e6 rad/s";
+            return Err(WorldError::Setting { what: "push", value: format!("{push:?}"), range });
+        }
         let done = self.host.push(push);
         self.tape(done, || Operation::Push(*push));
         if done { Ok(()) } else { Err(WorldError::NoBody(push.body)) }

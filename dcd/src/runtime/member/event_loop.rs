@@ -29,6 +29,10 @@ use crate::space::Tick;
 
 /// How often sending is tried again after a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
+/// Up to when a process that has not reached its server yet calls it again if nobody answers. The last call
+/// takes up to [`HANDSHAKE_TIMEOUT`](crate::protocol::link::HANDSHAKE_TIMEOUT) more, so that whoever waits
+/// ten seconds for the world hears why there is none.
+const FIRST_LINK: Duration = Duration::from_secs(5);
 /// How long a leaving node waits for the server. A server that lives takes the node's share over within a
 /// second.
 const RELEASE: Duration = Duration::from_secs(5);
@@ -74,7 +78,7 @@ pub(super) struct Loop {
     unheard: Option<Absence>,
     /// The address of the leader that the client does not hear.
     unheard_leader: Option<SocketAddr>,
-    /// Says whether the server was ever reached. One that never was is not waited for.
+    /// Says whether the server was ever reached. One that never was is called until [`FIRST_LINK`].
     joined: bool,
     /// The time at which the network's counters are read next.
     count_at: Duration,
@@ -281,6 +285,8 @@ impl Loop {
             Input::Leave => {
                 self.client(ClientEvent::Leave);
                 match &mut self.node {
+                    // Nobody has heard of it yet.
+                    _ if !self.joined && self.lost.is_some() => self.end = Some(Ok(())),
                     Some(node) => {
                         let now = self.start.elapsed();
                         self.release_by.get_or_insert(now + RELEASE);
@@ -300,8 +306,8 @@ impl Loop {
         match event {
             LinkEvent::Connected(peer, _) => {
                 if peer == Peer::Server {
-                    self.joined = true;
-                    if self.lost.take().is_some() {
+                    let was_joined = std::mem::replace(&mut self.joined, true);
+                    if self.lost.take().is_some() && was_joined {
                         info!(servers = ?self.servers, "the server is back, or another has taken over");
                     }
                 }
@@ -312,9 +318,10 @@ impl Loop {
                     self.client(ClientEvent::Connected(peer));
                 }
             }
-            LinkEvent::Disconnected { peer, ending, text: reason } => {
+            LinkEvent::Disconnected { peer, ending, is_unanswered, text: reason } => {
                 if peer == Peer::Server {
                     let server = self.server;
+                    let calls_again = self.joined || (is_unanswered && now < FIRST_LINK);
                     let end = match ending {
                         Some(Ending::Superseded) => Some(ProcessError::Superseded { server }),
                         Some(Ending::SentAway) => {
@@ -325,7 +332,7 @@ impl Loop {
                         Some(Ending::Refused) => {
                             Some(ProcessError::ServerGone { server, reason: reason.clone() })
                         }
-                        _ if !self.joined => {
+                        _ if !calls_again => {
                             Some(ProcessError::ServerGone { server, reason: reason.clone() })
                         }
                         _ => None,
@@ -336,6 +343,10 @@ impl Loop {
                     }
                     match &mut self.lost {
                         Some(lost) => lost.goes_on(reason),
+                        None if !self.joined => {
+                            warn!(%server, reason, "the server does not answer; calling it again");
+                            self.lost = Some(Absence::new(now, None, reason));
+                        }
                         None => {
                             warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
                             self.lost = Some(Absence::new(now, self.give_up, reason));
@@ -547,6 +558,10 @@ impl Loop {
             ClientOutput::Removed(id) => keep(2 * EVENTS, &mut state.changes, Presence::Disappeared(id)),
             ClientOutput::Rejected { body, reason } => keep(EVENTS, &mut state.refusals, (body, reason)),
             ClientOutput::Joined | ClientOutput::Lost => {}
+            ClientOutput::WorldEnded => {
+                drop(state);
+                self.world_ended();
+            }
             ClientOutput::Send { to, message } => self.links.send(to, &message),
             // A participant's node dials for both.
             ClientOutput::Redial if self.node.is_some() => {}
@@ -587,13 +602,13 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetEvents};
+    use crate::net::{Authority, Identity, JoinRole, Limits, Net, NetConfig, NetEvent, NetEvents};
     use crate::runtime::{JoinConfig, Member, MemberConfig};
 
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// Starts the network of a server, and a process that joins it.
-    fn joined(role: JoinRole) -> (Net, NetEvents, Member, tempfile::TempDir) {
+    /// Starts the network of a server, which lets a process in.
+    fn let_in(role: JoinRole) -> (Net, NetEvents, Identity, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
         let net = NetConfig {
@@ -607,7 +622,14 @@ mod tests {
         let now = std::time::SystemTime::now();
         let token = authority.issue_token(role, Duration::from_secs(60), now).unwrap();
         let join = JoinConfig::new(net.local_addr(), token.to_string());
-        let member = Member::start(MemberConfig::new(net.local_addr(), join.join(role).unwrap())).unwrap();
+        let identity = join.join(role).unwrap();
+        (net, events, identity, folder)
+    }
+
+    /// Starts the network of a server, and a process that joins it.
+    fn joined(role: JoinRole) -> (Net, NetEvents, Member, tempfile::TempDir) {
+        let (net, events, identity, folder) = let_in(role);
+        let member = Member::start(MemberConfig::new(net.local_addr(), identity)).unwrap();
         (net, events, member, folder)
     }
 
@@ -622,6 +644,26 @@ mod tests {
             let error = member.finish().unwrap_err();
             let is_told = matches!(&error, ProcessError::SentAway { reason, .. } if reason == "it cheats");
             assert!(is_told, "{error:?}");
+        }
+    }
+
+    #[test]
+    fn whose_first_call_gets_no_answer_calls_again() {
+        for role in [JoinRole::Client, JoinRole::Node] {
+            let (_net, _events, identity, _folder) = let_in(role);
+            let deaf = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+            deaf.set_read_timeout(Some(PATIENCE)).unwrap();
+            let member = Member::start(MemberConfig::new(deaf.local_addr().unwrap(), identity)).unwrap();
+            let call = || {
+                let mut packet = [0; 2_048];
+                let length = deaf.recv(&mut packet).expect("no more calls");
+                // RFC 8999, 5.1: a byte of flags, four of the version, the length of the receiver's id, the
+                // id. A caller makes one up for each call.
+                packet[6..length][..usize::from(packet[5])].to_vec()
+            };
+            let first = call();
+            while call() == first {}
+            assert!(!member.wait_over(Duration::ZERO), "{role:?}");
         }
     }
 

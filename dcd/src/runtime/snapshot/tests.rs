@@ -108,7 +108,9 @@ fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> Lo
 fn a_restored_world_goes_on_to_the_same_bits() {
     for scene in zoo() {
         for coupling in Coupling::ALL {
-            for regions in [1, 5] {
+            // One region agrees with nobody, by any coupling.
+            let counts: &[usize] = if coupling == Coupling::Auto { &[1, 5] } else { &[5] };
+            for &regions in counts {
                 let mut world = world_of(&scene, coupling, Partitioning::Regions(regions));
                 for tick in [0u64, 1, 30, 75] {
                     while world.tick().0 < tick {
@@ -424,7 +426,7 @@ fn a_changed_layout_has_a_new_format_number() {
     }
     assert!(world.stats().replicas > 0);
     let written = (FORMAT, saved(&world).len() - header_len());
-    assert_eq!(written, (26, 108_783), "raise FORMAT, then put the new length here");
+    assert_eq!(written, (27, 108_799), "raise FORMAT, then put the new length here");
 }
 
 /// A pipe to which nobody writes would be waited for without end.

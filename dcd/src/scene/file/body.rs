@@ -70,25 +70,32 @@ pub(super) struct GridDef {
     body: BodyDef,
 }
 
+/// Returns whether a collider has no inside, and so no mass by density.
+fn is_hollow(collider: &ColliderBuilder) -> bool {
+    let shape = &collider.shape;
+    shape.as_halfspace().is_some() || shape.as_trimesh().is_some() || shape.as_heightfield().is_some()
+}
+
 impl BodyDef {
     pub(super) fn build(&self) -> Result<SceneBody, Fault> {
         let turn = rotation(self.rotation, self.euler_deg)?;
         let colliders = self.collider.iter().map(ColliderDef::build).collect::<Result<Vec<_>, _>>()?;
         let enabled = colliders.iter().filter(|collider| collider.enabled);
         let mass_kg: f32 = enabled.map(|collider| collider.build().mass()).sum();
-        if self.kind == Kind::Dynamic && !mass_kg.is_finite() {
+        // What is heavier than single precision holds has no mass, by Rapier.
+        let is_heavy = |collider: &ColliderBuilder| {
+            !is_hollow(collider)
+                && matches!(collider.mass_properties, ColliderMassProps::Density(density) if density > 0.0)
+        };
+        let is_beyond = !mass_kg.is_finite()
+            || mass_kg == 0.0 && colliders.iter().any(|collider| collider.enabled && is_heavy(collider));
+        if self.kind == Kind::Dynamic && is_beyond {
             return Err(Fault::new(
                 "the mass of a dynamic body is beyond single precision",
                 "make it smaller or lighter",
             ));
         }
         if self.kind == Kind::Dynamic && self.extra_mass.is_none() && mass_kg <= 0.0 {
-            let is_hollow = |collider: &ColliderBuilder| {
-                let shape = &collider.shape;
-                shape.as_halfspace().is_some()
-                    || shape.as_trimesh().is_some()
-                    || shape.as_heightfield().is_some()
-            };
             return Err(if colliders.iter().any(|collider| collider.enabled && is_hollow(collider)) {
                 Fault::new(
                     "a dynamic body has no mass: a halfspace, an open mesh and a heightfield have none by density",

@@ -353,6 +353,13 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
     let heavy = format!("{cube}half_size = [1, 1, 1]\nmass = 3e38\n");
     let twice = format!("{heavy}{}", &heavy["[[body]]\n".len()..]);
     refused(&twice, 1, &["beyond single precision", "lighter"]);
+    refused(
+        &format!("{cube}half_size = [2, 2, 2]\ndensity = 1e38\n"),
+        1,
+        &["beyond single precision", "lighter"],
+    );
+    refused("[[body]]\n[[body.collider]]\nshape = \"sphere\"\nradius = 1e30\n", 1, &["beyond", "smaller"]);
+    refused(&format!("{cube}half_size = [2, 2, 2]\ndensity = 0\n"), 1, &["no mass"]);
     let box_with_radius = format!("\n{FLOOR}radius = 1\n");
     refused(&box_with_radius, 2, &["shape `box` has no `radius`", "half_size, border"]);
     refused("[[body]]\n[[body.collider]]\nshape = \"cone\"\nradius = 1\n", 1, &["lacks `half_height`"]);

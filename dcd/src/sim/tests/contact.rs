@@ -28,6 +28,13 @@ fn hold(profiles: &[FaultProfile], seeds: Range<u64>) {
 }
 
 #[test]
+fn no_body_goes_back_a_tick_with_the_members_that_are_lost_in_it() {
+    // Two of four nodes are cut off in a tick that they complete and the others do not.
+    let row = simulate(&trial(ContactScene::Crowd), FaultProfile::OneWay, 21..22, 2, &|| true);
+    assert_eq!((row.seeds, row.violations), (1, 0), "{:?}", row.failures);
+}
+
+#[test]
 fn what_touches_holds_in_bad_weather() {
     hold(&[FaultProfile::None, FaultProfile::Loss5, FaultProfile::Delay], 0..1);
 }

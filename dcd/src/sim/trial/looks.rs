@@ -32,6 +32,9 @@ const FREE_BODIES: usize = 25;
 /// proportion to its speed it would be 0.13 with four nodes, which is the median of the looks; some looks
 /// find a quarter.
 const SLOW_SHARE: f64 = 0.2;
+/// The number of the last looks, five seconds' worth, over which the share of a slow node is averaged. It is
+/// one or two bodies of forty, which come and go.
+const SHARE_OVER: usize = 100;
 
 impl Default for Staleness {
     fn default() -> Self {
@@ -190,7 +193,8 @@ impl Trial<'_> {
         if let Some(member) = idle {
             return Some(format!("{} has no region", member.node));
         }
-        let (slow, share) = self.slow_node.filter(|(node, _)| self.sim.nodes.contains_key(node))?;
+        let (slow, shares) = self.slow_node.as_ref().filter(|(node, _)| self.sim.nodes.contains_key(node))?;
+        let share = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
         // A stack or a chain is one island, which is in one place as a whole.
         if self.sim.checker.bodies(server.main_group()).count() < FREE_BODIES {
             return None;
@@ -199,12 +203,15 @@ impl Trial<'_> {
             .then(|| format!("{slow} owns {share:.2} of what would be its share at full speed"))
     }
 
-    /// Notes how much a slow node has to do, averaged over a second.
+    /// Notes how much a slow node has to do.
     fn note_balance(&mut self) {
-        let Some((node, share)) = &mut self.slow_node else { return };
+        let Some((node, shares)) = &mut self.slow_node else { return };
         let Some(process) = self.sim.nodes.get(node) else { return };
         let mean = self.sim.checker.owned() as f64 / self.sim.nodes.len() as f64;
-        *share += 0.05 * (process.physics.claims().len() as f64 / mean.max(1.0) - *share);
+        if shares.len() == SHARE_OVER {
+            shares.pop_front();
+        }
+        shares.push_back(process.physics.claims().len() as f64 / mean.max(1.0));
     }
 
     fn lacks_avatar(&self, server: &Server, client: ClientId) -> Option<String> {

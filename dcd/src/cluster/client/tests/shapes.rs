@@ -17,8 +17,13 @@ fn shapes_are_forgotten_that_the_server_says_are_gone_or_does_not_tell_again_but
     tell(&mut client, ToClient::ShapesGone(names(&[&part, &pair, &gone]).into_iter().collect()));
     assert_eq!(known(&client), names(&[&part, &pair, &lost]), "a body has the pair");
     // The client's link broke, and what was said meanwhile is lost.
-    let welcome =
-        ToClient::Welcome { id: ClientId(1), world: sim_world(1), logical_time: 1, next_built: (0, 0) };
+    let welcome = ToClient::Welcome {
+        incarnation: 1,
+        id: ClientId(1),
+        world: sim_world(1),
+        logical_time: 1,
+        next_built: (0, 0),
+    };
     tell(&mut client, welcome);
     tell(&mut client, ToClient::Chunk(Chunk::Shapes(vec![part.clone(), pair.clone(), gone.clone()])));
     tell(&mut client, ToClient::Chunk(Chunk::Bodies(vec![body.clone()])));
@@ -60,7 +65,10 @@ fn what_is_built_again_brings_shapes_that_the_world_has_forgotten_meanwhile() {
     client.handle(at, ClientEvent::Disconnected(Peer::Server));
     client.handle(at, ClientEvent::Connected(Peer::Server));
     let world = sim_world(2);
-    tell(&mut client, ToClient::Welcome { id: ClientId(1), logical_time: 1, next_built: (0, 0), world });
+    tell(
+        &mut client,
+        ToClient::Welcome { incarnation: 1, id: ClientId(1), logical_time: 1, next_built: (0, 0), world },
+    );
     tell(&mut client, ToClient::Chunk(Chunk::Shapes(vec![kept.clone()])));
     tell(&mut client, ToClient::WorldEnd);
     let again = built(&mut client);

@@ -80,6 +80,7 @@ mod tests {
     fn a_world_that_is_to_be_served_otherwise_than_it_is_stored_says_in_what() {
         let world = sim_world(2);
         let stored = StoredWorld {
+            incarnation: 1,
             world: world.clone(),
             number: ViewNumber(1),
             main: GroupId(1),

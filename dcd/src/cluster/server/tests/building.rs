@@ -315,6 +315,24 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
 }
 
 #[test]
+fn a_body_that_may_not_come_keeps_away_only_what_joints_tie_to_it() {
+    let mut server = built_in();
+    let costly = with(body(1), |traits| traits.extra_solver_iterations = 9);
+    let bodies = vec![body(0), costly, body(2), body(3), body(4)];
+    let joints = vec![tied(0, body(1).id, body(2).id), tied(1, body(3).id, body(4).id)];
+    let op = BuildOp::Insert { bodies, shapes: Vec::new(), joints };
+    let outputs = asks(&mut server, Peer::Client(BUILDER), BUILDER, 1, vec![op]);
+    assert_eq!(
+        refusals(&outputs),
+        [Refusal::Costly(Costs::Iterations); 2],
+        "the body, and what is tied to it"
+    );
+    let built: Vec<_> = server.record().built(BUILDER).map(|body| body.id).collect();
+    assert_eq!(built, [0, 3, 4].map(|index| body(index).id));
+    assert_eq!(server.record().joints().count(), 1);
+}
+
+#[test]
 fn what_was_done_is_not_done_again_whatever_has_become_of_it() {
     let mut server = built_in();
     let joints = vec![tied(0, body(0).id, body(1).id)];

@@ -1,5 +1,6 @@
-//! Corrects a body towards its pose in the authoritative group (inter-group correction) by its velocity, so
-//! that the body pushes what is in its way and never appears inside it (thesis 3.3.8 leaves the way open).
+//! Corrects a body towards its pose in the authoritative group (inter-group correction; thesis 3.3.8 leaves the way open):
+//! by its velocity, so that the body pushes what is in its way and never appears inside it, or by a shift, which gives
+//! it no energy.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -17,6 +18,8 @@ const FASTER_BY: f64 = 0.35;
 /// The same for an avatar, which is off its course whenever its user turns, and is to be back before the next turn.
 const AVATAR_SLOW: f64 = 1.5;
 const AVATAR_FASTER_BY: f64 = 0.5;
+/// The fastest shift, m/s and rad/s. What is then in the way is overlapped by that in a tick at most.
+const FASTEST_SHIFT: f64 = 0.5;
 
 /// Returns the distance of a body from where it should be, metres.
 pub fn deviation_m(present: &WorldPose, target: &WorldPose) -> f64 {
@@ -35,9 +38,7 @@ pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m:
     if deviation_m(present, &goal) <= band_m {
         return target.velocity;
     }
-    let (from, to) = (present.isometry(), goal.isometry());
-    let way = to.translation.vector - from.translation.vector;
-    let turn: UnitQuaternion<f64> = to.rotation * from.rotation.inverse();
+    let (way, turn) = way(present, &goal);
     let Velocity { linear, angular } = target.velocity;
     let is_avatar = target.id.client().is_some();
     let (slow, faster_by) = if is_avatar { (AVATAR_SLOW, AVATAR_FASTER_BY) } else { (SLOW, FASTER_BY) };
@@ -47,7 +48,29 @@ pub fn correction(present: &WorldPose, target: &SharedState, lag_s: f64, band_m:
         let most = slow.max(velocity.norm() + faster_by);
         (velocity + (way / SETTLE_S).cap_magnitude(MOST)).cap_magnitude(most).map(|v| v as f32).into()
     };
-    Velocity { linear: towards(linear, way), angular: towards(angular, turn.scaled_axis()) }
+    Velocity { linear: towards(linear, way), angular: towards(angular, turn) }
+}
+
+/// Returns the velocity of a shift that brings a body from `present` to where `target` is by now, `lag_s` seconds after
+/// that state, while it moves with its target's velocity. That suits a body which nothing touches: it neither gains
+/// energy nor loses any (what split impulses are to penetrations).
+///
+/// Within `band_m` of the target, there is none.
+pub fn shift(present: &WorldPose, target: &SharedState, lag_s: f64, band_m: f64) -> Velocity {
+    let goal = target.pose.moved(&target.velocity, lag_s);
+    if deviation_m(present, &goal) <= band_m {
+        return Velocity::default();
+    }
+    let capped = |way: Vector3<f64>| (way / SETTLE_S).cap_magnitude(FASTEST_SHIFT).map(|v| v as f32).into();
+    let (way, turn) = way(present, &goal);
+    Velocity { linear: capped(way), angular: capped(turn) }
+}
+
+/// Returns the way from a pose to another: metres, and radians about an axis.
+fn way(present: &WorldPose, goal: &WorldPose) -> (Vector3<f64>, Vector3<f64>) {
+    let (from, to) = (present.isometry(), goal.isometry());
+    let turn: UnitQuaternion<f64> = to.rotation * from.rotation.inverse();
+    (to.translation.vector - from.translation.vector, turn.scaled_axis())
 }
 
 #[cfg(test)]

@@ -46,7 +46,7 @@ use bincode::{Decode, Encode};
 use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
-pub use correction::{correction, deviation_m};
+pub use correction::{correction, deviation_m, shift};
 #[cfg(all(feature = "net", feature = "physics"))]
 pub(crate) use departed::Departed;
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling, TickStats};

@@ -435,6 +435,11 @@ impl Record {
         }
     }
 
+    /// Returns the tick of the last known state of a body.
+    pub(super) fn told_at(&self, id: BodyId) -> Option<Tick> {
+        self.bodies.get(&id).map(|entry| entry.tick)
+    }
+
     pub(super) fn body_mut(&mut self, id: BodyId) -> Option<&mut BodyRecord> {
         self.changes.states.insert(id);
         self.bodies.get_mut(&id).map(|entry| &mut entry.body)

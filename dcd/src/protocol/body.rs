@@ -43,10 +43,7 @@ impl WorldPose {
         let translation = a.translation.vector.lerp(&b.translation.vector, t);
         // Opposite rotations have no shorter way. Halfway between them either end is as good.
         let rotation = a.rotation.try_slerp(&b.rotation, t, 1e-9).unwrap_or(a.rotation);
-        Self {
-            translation: translation.into(),
-            rotation: [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32),
-        }
+        Isometry3::from_parts(translation.into(), rotation).into()
     }
 
     /// Returns the pose after `seconds` at this velocity: along a straight line, with a constant spin.
@@ -67,6 +64,13 @@ impl WorldPose {
     pub fn is_valid(&self) -> bool {
         let norm2: f32 = self.rotation.iter().map(|v| v * v).sum();
         self.translation.iter().all(|v| v.is_finite()) && (norm2 - 1.0).abs() < 2e-3
+    }
+}
+
+impl From<Isometry3<f64>> for WorldPose {
+    fn from(Isometry3 { translation, rotation }: Isometry3<f64>) -> Self {
+        let rotation = [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32);
+        Self { translation: translation.vector.into(), rotation }
     }
 }
 

@@ -4,6 +4,7 @@
 mod agreement;
 mod change;
 mod divisions;
+mod orphans;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

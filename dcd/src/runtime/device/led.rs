@@ -3,9 +3,9 @@
 
 use rapier3d::prelude::*;
 
-use crate::cluster::{correction, deviation_m};
+use crate::cluster::{correction, deviation_m, shift};
 use crate::physics::{Hits, Ownership, Region, RegionHost};
-use crate::protocol::{BodyKind, BodyRecord, SharedState};
+use crate::protocol::{BodyKind, BodyRecord, SharedState, Velocity};
 use crate::space::{BodyId, Tick};
 
 /// For how many ticks after a body was led hits are noted.
@@ -122,11 +122,32 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     if target.sleeping && state.sleeping && deviation_m(&state.pose, &goal) <= band_m {
         return;
     }
-    let velocity = correction(&state.pose, target, lag_s, band_m);
+    let is_free = traits.kind == BodyKind::Dynamic && target.id.client().is_none();
+    let velocity = if is_free && is_alone(host, target.id) {
+        let shift = shift(&state.pose, target, lag_s, band_m);
+        if shift != Velocity::default() {
+            host.move_copies(target.id, state.pose.moved(&shift, f64::from(host.settings().dt_s)));
+        }
+        target.velocity
+    } else {
+        correction(&state.pose, target, lag_s, band_m)
+    };
     host.change_copies(target.id, |body| {
         body.set_linvel(Vector::from_array(velocity.linear), true);
         body.set_angvel(Vector::from_array(velocity.angular), true);
     });
+}
+
+/// Returns whether no copy of a body touches anything or is held by a joint.
+fn is_alone(host: &RegionHost, id: BodyId) -> bool {
+    host.regions().all(|region| {
+        let Some(handle) = region.handle_of(id) else { return true };
+        let physics = region.physics();
+        let touches = |collider: &ColliderHandle| {
+            physics.narrow_phase.contact_pairs_with(*collider).any(|pair| pair.has_any_active_contact())
+        };
+        !region.is_jointed(handle) && !physics.bodies[handle].colliders().iter().any(touches)
+    })
 }
 
 #[cfg(test)]

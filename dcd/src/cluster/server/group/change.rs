@@ -7,6 +7,7 @@ use std::time::Duration;
 use super::Group;
 use super::agreement::{self, Division};
 use super::divisions::Divisions;
+use super::orphans::Orphans;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::cluster::server::moves::Moves;
@@ -77,6 +78,8 @@ struct Plan {
     owners: BTreeMap<BodyId, Owner>,
     /// Members that still owe bodies that were fetched.
     fetching: BTreeSet<NodeId>,
+    /// The bodies that no member owns.
+    orphans: Orphans,
     /// Says whether all bodies were fetched, so that the world can be saved.
     saves: bool,
 }
@@ -332,9 +335,14 @@ impl Group {
             }
         }
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
+        let lost = |(id, life): &(BodyId, Life)| *life == Life::Live && !owners.contains_key(id);
+        let lost = self.record.movable_lives().filter(lost).map(|(id, _)| id);
+        let orphans = Orphans::new(&self.record, lost);
+        let tied: BTreeSet<_> = orphans.bodies().collect();
         for (id, life) in self.record.movable_lives() {
+            let is_told = self.saving || tied.contains(&id);
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if !self.saving && self.stays(id, owner, &allocation, &anew) => {}
+                (Some(owner), Life::Live) if !is_told && self.stays(id, owner, &allocation, &anew) => {}
                 (Some(owner), Life::Live | Life::Removing { park: true, .. }) => {
                     fetch.entry(owner.node).or_default().push(id);
                 }
@@ -353,7 +361,8 @@ impl Group {
         }
         if let Some(change) = &mut self.change {
             change.patience = PARTS + PART * asked as u32;
-            change.plan = Some(Plan { members, tree, allocation, owners, fetching, saves: self.saving });
+            change.plan =
+                Some(Plan { members, tree, allocation, owners, fetching, orphans, saves: self.saving });
             change.anew = anew;
         }
         self.conclude(common);
@@ -456,7 +465,10 @@ impl Group {
         let is_complete =
             |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
         let Some(mut change) = self.change.take_if(is_complete) else { return };
-        let Some(Plan { members, tree, allocation, owners, saves, .. }) = change.plan.take() else { return };
+        let Some(Plan { members, tree, allocation, owners, orphans, saves, .. }) = change.plan.take() else {
+            return;
+        };
+        orphans.bring_back(&mut self.record, self.tick, f64::from(common.config.world.step.dt_s));
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();

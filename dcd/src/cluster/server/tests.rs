@@ -15,7 +15,7 @@ mod vicinity;
 use std::sync::Arc;
 
 use super::*;
-use crate::protocol::{BodyCheckpoint, Claim, Delay, DelayThresholds, Stance};
+use crate::protocol::{BodyCheckpoint, BodyRecord, Claim, Delay, DelayThresholds, Dispatch, Stance};
 use crate::protocol::{Chunk, FromClient, Pose, ShapeRecord, ToNode, ToServer};
 use crate::sim::{sim_body, sim_collider as collider, sim_world};
 use crate::space::{Epoch, RegionId};
@@ -499,6 +499,44 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
     assert_eq!(placed.len(), 1);
     assert_eq!(placed[0].body.state.pose, body.state.pose);
     assert!(placed[0].body.epoch > Epoch::placed_in(100), "beyond what clients may have been told");
+}
+
+#[test]
+fn what_nobody_owns_any_more_comes_back_beside_what_joints_tie_it_to() {
+    let bodies: Vec<_> = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    let [tied, lost, loose] = [0, 1, 2].map(|i: usize| bodies[i].clone());
+    let mut server = Server::new(config(1), Record::new(bodies, Vec::new(), vec![vicinity::joint(1, 0, 1)]));
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let epoch = server.record().body(tied.id).expect("it is on record").epoch;
+    let mut moved = BodyRecord { epoch, ..tied };
+    moved.state.pose.translation[1] += 2.0;
+    let region = server.common.config.world.tree.leaf_at(moved.state.pose.translation);
+    let former = server.view().expect("it has begun").number;
+    server.main_mut().unsure = true;
+    server.finish(0);
+    while server.poll_output().is_some() {}
+    let view = server.common.number;
+    let dispatches = vec![Dispatch { view: former, tick: Tick(9), rounds: 1, ops: Vec::new() }];
+    let settled = ToServer::Settling { view, dispatches, undone: Vec::new(), last: true };
+    tell(&mut server, 1, Message::ToServer(settled));
+    let claims = [moved.id, loose.id].map(|id| Claim { id, epoch, region });
+    let survey = survey(&server, view, 9, claims.to_vec());
+    let outputs = tell(&mut server, 1, Message::ToServer(survey));
+    let fetch = Message::ToNode(ToNode::Fetch { view, bodies: vec![moved.id, lost.id] });
+    let is_fetch =
+        |output: &ServerOutput| matches!(output, ServerOutput::Send { message, .. } if *message == fetch);
+    assert!(outputs.iter().any(is_fetch), "{outputs:?}");
+    let found = ToServer::Found { view, bodies: vec![moved], last: true };
+    let outputs = tell(&mut server, 1, Message::ToServer(found));
+    let placed = outputs.iter().find_map(|output| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Chunk(Chunk::Placed(placed))), .. } => {
+            Some(placed)
+        }
+        _ => None,
+    });
+    let [placed] = &placed.expect("it is placed anew")[..] else { panic!("{placed:?}") };
+    assert_eq!((placed.body.id, placed.body.state.pose.translation), (lost.id, [1.0, 3.0, 1.0]));
 }
 
 fn back(server: &mut Server, node: u32, view: ViewNumber) -> Vec<ServerOutput> {

@@ -143,7 +143,18 @@ fn agree_on(
     let strayed_m_s = following.map(|(_, copy)| off(copy)).fold(0.0, f32::max);
     shared.strayed_m_s = strayed_m_s;
     let apart = Apart::of(copies(), &pose);
-    draw(region, link, &pose, &velocity, apart, moment.settings.dt_s);
+    let owner = match region.slot(link.handle).role {
+        Ownership::Replica { owner } => owner,
+        _ => own_rank,
+    };
+    let owners = own.iter().chain(&shared.heard).find(|(rank, _)| *rank == owner).map(|(_, copy)| copy);
+    let flies = copies().all(|copy| copy.partners == 0) && !region.is_jointed(link.handle);
+    match owners.filter(|copy| flies && copy.sound && !apart.is_far()) {
+        // No load parts these copies any more. Others see the body where its owner has it; so has every region that may own
+        // it next.
+        Some(owners) => write(region, link, &owners.pose, &velocity),
+        None => draw(region, link, &pose, &velocity, apart, moment.settings.dt_s),
+    }
     region.restart_copy(link.handle);
     let lasting_m_s = (shared.lasting.length() - IN_MOTION * z.length()).max(0.0);
     Disagreement { most_m_s, lasting_m_s }

@@ -212,6 +212,39 @@ mod tests {
     }
 
     #[test]
+    fn what_nothing_touches_comes_to_its_place_without_getting_energy() {
+        let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("ball") };
+        let turning = RigidBodyBuilder::dynamic().linvel(Vector::X * 2.0).angvel(Vector::Y);
+        scene.push(WorldPose::at([0.0; 3]), turning, ColliderBuilder::ball(0.5));
+        let (mut there, mut here, mut led) = (host(&scene), host(&scene), Led::default());
+        let id = here.owned_bodies().map(|(id, ..)| id).next().unwrap();
+        // Here it is behind, to the side, and turned.
+        let behind = WorldPose { translation: [-0.3, 0.1, 0.0], rotation: [0.1, 0.0, 0.0, 0.994_987_4] };
+        here.move_copies(id, behind);
+        let state = |host: &RegionHost| {
+            let (region, handle) = host.owned(id).unwrap();
+            region.shared_state(handle)
+        };
+        for _ in 0..120 {
+            let (now, told) = (here.tick(), state(&there));
+            led.lead(&mut here, now, &[told], &[], 0.01);
+            led.look_ahead(&here);
+            there.step().unwrap();
+            here.step().unwrap();
+            led.look_back(&here);
+            let [Velocity { linear, angular }, of_there] = [&here, &there].map(|host| state(host).velocity);
+            let faster = (0..3).map(|i| {
+                (linear[i] - of_there.linear[i]).abs().max((angular[i] - of_there.angular[i]).abs())
+            });
+            assert!(faster.fold(0.0, f32::max) < 1e-5, "{linear:?} {angular:?}, not {of_there:?}");
+        }
+        let (here, there) = (state(&here).pose, state(&there).pose);
+        assert!(deviation_m(&here, &there) <= 0.01, "{here:?}, not {there:?}");
+        let turned = here.isometry().rotation.angle_to(&there.isometry().rotation);
+        assert!(turned < 0.02, "{turned}");
+    }
+
+    #[test]
     fn what_is_stuck_behind_a_wall_is_put_to_its_place_unless_a_joint_holds_it() {
         for is_tied in [false, true] {
             let mut scene = Scene { gravity: [0.0; 3], ..Scene::empty("wall") };

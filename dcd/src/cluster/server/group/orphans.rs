@@ -1,13 +1,13 @@
-//! Brings back bodies that nobody holds any more, where joints tie them to bodies that went on: relative to these as they
-//! were when the record last heard of both. Where the record has them, a chain would be torn apart by as far as it has
-//! swung since.
+//! Brings back bodies that nobody holds any more, where joints tie them to bodies that went on: at the joint, as they were
+//! beside it when the record last heard of both. Where the record has them, a chain would be torn apart by as far as it
+//! has swung since.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::cluster::Record;
-use crate::protocol::{BodyKind, BodyState, Velocity};
+use crate::protocol::{BodyKind, BodyState, JointRecord, Velocity};
 use crate::space::{BodyId, Tick};
 
 /// The most steps from joint to joint in one view change.
@@ -50,23 +50,21 @@ impl Orphans {
             let is_fixed = |id| record.body(id).is_some_and(|body| body.traits.kind == BodyKind::Fixed);
             !lost.contains(id) && (record.told_at(*id) >= Some(now) || is_fixed(*id))
         };
-        let neighbours =
-            |id: BodyId| record.joints_of(id).map(move |joint| if joint.a == id { joint.b } else { joint.a });
         let mut found: BTreeMap<BodyId, Vec<(f64, BodyState)>> = BTreeMap::new();
         let mut steps = 0;
-        for (&guide, &then) in self.known.iter().filter(|(id, _)| is_guide(id)) {
+        for &guide in self.known.keys().filter(|id| is_guide(id)) {
             let Some(at) = record.body(guide).map(|body| body.state) else { continue };
-            let (mut seen, mut next) = (BTreeSet::from([guide]), VecDeque::from([(guide, 0)]));
-            while let Some((id, joints)) = next.pop_front().filter(|_| steps < MOST_STEPS) {
-                if let Some(&own) = self.known.get(&id).filter(|_| id != guide) {
-                    let weight = 1.0 / f64::powi(f64::from(joints), 2);
-                    found.entry(id).or_default().push((weight, carried(then, at, own, dt_s)));
-                }
-                for other in neighbours(id).filter(|other| lost.contains(other)) {
+            let (mut seen, mut next) = (BTreeSet::from([guide]), VecDeque::from([(guide, at, 1)]));
+            while let Some((id, at, joints)) = next.pop_front().filter(|_| steps < MOST_STEPS) {
+                for joint in record.joints_of(id) {
+                    let other = if joint.a == id { joint.b } else { joint.a };
                     steps += 1;
-                    if seen.insert(other) {
-                        next.push_back((other, joints + 1));
+                    if !lost.contains(&other) || !seen.insert(other) {
+                        continue;
                     }
+                    let state = tied(joint, id, (self.known[&id], at), self.known[&other], dt_s);
+                    found.entry(other).or_default().push((1.0 / f64::powi(f64::from(joints), 2), state));
+                    next.push_back((other, state, joints + 1));
                 }
             }
         }
@@ -78,30 +76,80 @@ impl Orphans {
     }
 }
 
-/// Returns the state of a body that has moved with a guide, which was `then` and is `at`, since its `own` state.
-fn carried(then: (Tick, BodyState), at: BodyState, own: (Tick, BodyState), dt_s: f64) -> BodyState {
+/// Where a body is, metres and a rotation, and how it moves, m/s and rad/s.
+struct Motion {
+    pose: Isometry3<f64>,
+    linear: Vector3<f64>,
+    angular: Vector3<f64>,
+}
+
+impl Motion {
+    /// Returns the motion that a body of this state has some seconds later if nothing pushes it.
+    fn of(state: &BodyState, later_s: f64) -> Self {
+        Self {
+            pose: state.pose.moved(&state.velocity, later_s).isometry(),
+            linear: vector(state.velocity.linear),
+            angular: vector(state.velocity.angular),
+        }
+    }
+
+    /// Returns the velocity that the body has at a place.
+    fn velocity_at(&self, place: Point3<f64>) -> Vector3<f64> {
+        self.linear + self.angular.cross(&(place.coords - self.pose.translation.vector))
+    }
+}
+
+/// Returns the state of a body that a joint ties to a `guide`, which was `then` and is `at`; the body itself was last heard of
+/// in state `own`. It turns with its guide only as far as the joint makes it.
+fn tied(
+    joint: &JointRecord,
+    guide: BodyId,
+    (then, at): ((Tick, BodyState), BodyState),
+    own: (Tick, BodyState),
+    dt_s: f64,
+) -> BodyState {
     let when = then.0.max(own.0);
-    let motion = |(tick, state): (Tick, BodyState)| {
-        let pose = state.pose.moved(&state.velocity, (when.0 - tick.0) as f64 * dt_s);
-        (pose.isometry(), vector(state.velocity.linear), vector(state.velocity.angular))
-    };
-    let (guide, linear, angular) = motion(then);
-    let (pose, own_linear, own_angular) = motion(own);
-    let way = at.pose.isometry() * guide.inverse();
-    let new = way * pose;
-    let arm = |of: &Isometry3<f64>, to: &Isometry3<f64>| to.translation.vector - of.translation.vector;
-    // What it did beside its guide.
-    let beside = own_linear - linear - angular.cross(&arm(&guide, &pose));
-    let turns = vector(at.velocity.angular);
-    let moves = vector(at.velocity.linear) + turns.cross(&arm(&at.pose.isometry(), &new));
+    let [was, own_was] = [then, own].map(|(tick, state)| Motion::of(&state, (when.0 - tick.0) as f64 * dt_s));
+    let is = Motion::of(&at, 0.0);
+    let frames = [joint.frame_a.isometry(), joint.frame_b.isometry()];
+    let [frame, own_frame] = if joint.a == guide { frames } else { [frames[1], frames[0]] };
+    let turn = turn(joint.locked_axes, [&was, &is].map(|of| of.pose * frame), own_was.pose * own_frame);
+    let end = |of: &Motion, frame: &Isometry3<f64>| of.pose * Point3::from(frame.translation.vector);
+    let (old, old_own) = (end(&was, &frame), end(&own_was, &own_frame));
+    // Both ends lie beside each other as they did, and move past each other as they did.
+    let new_own = end(&is, &frame) + turn * (old_own - old);
+    let slides = own_was.velocity_at(old_own) - was.velocity_at(old_own);
+    let turns_along = joint.locked_axes >> 3 != 0;
+    let [angular_was, angular_is] =
+        [&was, &is].map(|of| if turns_along { of.angular } else { Vector3::zeros() });
+    let angular = angular_is + turn * (own_was.angular - angular_was);
+    let rotation = turn * own_was.pose.rotation;
+    let arm = -(rotation * own_frame.translation.vector);
+    let linear = is.velocity_at(new_own) + turn * slides + angular.cross(&arm);
     BodyState {
-        pose: new.into(),
+        pose: Isometry3::from_parts((new_own.coords + arm).into(), rotation).into(),
         velocity: Velocity {
-            linear: (moves + way.rotation * beside).map(|v| v as f32).into(),
-            angular: (turns + way.rotation * (own_angular - angular)).map(|v| v as f32).into(),
+            linear: linear.map(|v| v as f32).into(),
+            angular: angular.map(|v| v as f32).into(),
         },
         sleeping: own.1.sleeping && at.sleeping,
         ..own.1
+    }
+}
+
+/// Returns by how much a joint turns a body whose guide has turned, from how the guide's end of the joint was and is, and
+/// how the body's own end was.
+fn turn(locked_axes: u8, guide: [Isometry3<f64>; 2], own: Isometry3<f64>) -> UnitQuaternion<f64> {
+    let [was, is] = guide;
+    let free: Vec<_> = (0..3).filter(|axis| locked_axes & (8 << axis) == 0).collect();
+    match free[..] {
+        [] => is.rotation * was.rotation.inverse(),
+        [axis] => {
+            let axis = Vector3::ith_axis(axis);
+            let hinge = UnitQuaternion::rotation_between_axis(&(own.rotation * axis), &(is.rotation * axis));
+            hinge.unwrap_or_default()
+        }
+        _ => UnitQuaternion::identity(),
     }
 }
 
@@ -136,6 +184,8 @@ fn vector(of: [f32; 3]) -> Vector3<f64> {
 
 #[cfg(test)]
 mod tests {
+    use rapier3d::prelude::{GenericJoint, JointAxesMask, Vector};
+
     use super::*;
     use crate::physics::joint_record;
     use crate::protocol::{BodyRecord, WorldPose};
@@ -148,11 +198,12 @@ mod tests {
         BodyId::persistent(index)
     }
 
-    /// Returns a record of balls in a row along x, a metre apart, each tied to the next. All turn about the first one
-    /// by a radian per second.
-    fn rope(balls: u32) -> Record {
-        let spherical = rapier3d::prelude::SphericalJointBuilder::new().build().into();
-        let joints = (1..balls).map(|i| joint_record(JointId(i.into()), id(i - 1), id(i), &spherical));
+    /// Returns a record of balls in a row along x, a metre apart, each tied to the next half-way. All turn about the first
+    /// one by a radian per second.
+    fn row(balls: u32, axes: JointAxesMask) -> Record {
+        let mut data = GenericJoint::default();
+        data.lock_axes(axes).set_local_anchor1(Vector::X * 0.5).set_local_anchor2(Vector::X * -0.5);
+        let joints = (1..balls).map(|i| joint_record(JointId(i.into()), id(i - 1), id(i), &data));
         Record::new((0..balls).map(|i| turned(i, 0.0)).collect(), Vec::new(), joints.collect())
     }
 
@@ -189,9 +240,10 @@ mod tests {
     }
 
     #[test]
-    fn what_joints_tie_to_a_body_that_went_on_comes_back_beside_it() {
+    fn what_is_fixed_to_a_body_that_went_on_turns_with_it() {
         for lost in [&[3][..], &[3, 4, 5], &[0], &[2, 3]] {
-            let states = brought_back(&mut rope(6), lost, |index| turned(index, 2.0));
+            let mut record = row(6, JointAxesMask::LOCKED_FIXED_AXES);
+            let states = brought_back(&mut record, lost, |index| turned(index, 2.0));
             for (index, state) in states.iter().enumerate() {
                 assert_near(state, &turned(index as u32, 2.0).state, 1e-5);
             }
@@ -199,8 +251,40 @@ mod tests {
     }
 
     #[test]
+    fn what_may_turn_at_its_joint_hangs_there_as_it_did() {
+        let (sin, cos) = 2.0_f64.sin_cos();
+        let mut guide = turned(0, 2.0);
+        guide.state.pose.translation = [0.0, 3.0, 0.0];
+        guide.state.velocity.linear = [0.0, 0.5, 0.0];
+        let mut record = row(3, JointAxesMask::LOCKED_SPHERICAL_AXES);
+        let states = brought_back(&mut record, &[1, 2], |_| guide.clone());
+        for (index, state) in states.iter().enumerate().skip(1) {
+            let along = index as f64 - 0.5;
+            let mut expected = turned(index as u32, 0.0).state;
+            expected.pose.translation = [0.5 * cos + along, 3.0, -0.5 * sin];
+            // It turns as it did about the end of the guide.
+            expected.velocity.linear = [-0.5 * sin, 0.5, -0.5 * cos - along].map(|v| v as f32);
+            assert_near(state, &expected, 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_hinge_turns_what_hangs_on_it_as_far_as_its_axis_turns() {
+        // The axis lies along x, and the guide turns about y.
+        let mut record = row(2, JointAxesMask::LOCKED_REVOLUTE_AXES);
+        let states = brought_back(&mut record, &[1], |index| turned(index, 1.0));
+        assert_near(&states[1], &turned(1, 1.0).state, 1e-5);
+        // About its axis it does not turn with the guide.
+        let mut rolled = turned(0, 0.0);
+        rolled.state.pose.rotation = [0.6, 0.0, 0.0, 0.8];
+        let mut record = row(2, JointAxesMask::LOCKED_REVOLUTE_AXES);
+        let states = brought_back(&mut record, &[1], |_| rolled.clone());
+        assert_near(&states[1], &turned(1, 0.0).state, 1e-5);
+    }
+
+    #[test]
     fn what_was_told_of_later_is_first_taken_to_the_same_time() {
-        let mut record = rope(2);
+        let mut record = row(2, JointAxesMask::LOCKED_FIXED_AXES);
         // The second ball was last told of four ticks after the first.
         record.freshen(Tick(4), turned(1, 4.0 * DT_S));
         let states = brought_back(&mut record, &[1], |index| turned(index, 2.0));
@@ -215,7 +299,7 @@ mod tests {
             body.state.pose.translation[1] = if index == 0 { 1.0 } else { 2.0 };
             body
         };
-        let mut still = rope(4);
+        let mut still = row(4, JointAxesMask::LOCKED_SPHERICAL_AXES);
         for index in 0..4 {
             let mut body = moved(index);
             body.state.pose = WorldPose::at([f64::from(index), 0.0, 0.0]);
@@ -228,7 +312,7 @@ mod tests {
 
     #[test]
     fn what_a_survivor_has_a_copy_of_or_no_joint_holds_stays_as_it_is() {
-        let mut record = rope(2);
+        let mut record = row(2, JointAxesMask::LOCKED_FIXED_AXES);
         let copy = turned(1, 1.5);
         record.freshen(Tick(64), copy.clone());
         let states = brought_back(&mut record, &[1], |index| turned(index, 2.0));

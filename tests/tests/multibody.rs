@@ -2,7 +2,7 @@
 //! piece.
 
 use dcd::physics::{Coupling, LinkSettings, StepSettings};
-use dcd::protocol::WorldPose;
+use dcd::protocol::{Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneJoint};
@@ -75,6 +75,57 @@ fn one_region_computes_a_multibody_to_the_bits_of_bare_rapier() {
     for (index, (_, body)) in bare.rigid_bodies().enumerate() {
         assert_eq!(pose_in(&world, index), *body.position(), "body {index}");
     }
+}
+
+/// Returns two balls, 2 m apart, of which the second is a link of the first, along x and thrown.
+fn thrown(joint: GenericJoint, velocities: [[f32; 3]; 2]) -> Scene {
+    let mut scene = Scene { bounds: Bounds::around([0.0; 3], [40.0; 3]), ..Scene::empty("thrown") };
+    for (index, velocity) in velocities.into_iter().enumerate() {
+        let body = RigidBodyBuilder::dynamic().linvel(Vector::from(velocity));
+        scene.push(WorldPose::at([2.0 * index as f64, 0.0, 0.0]), body, ColliderBuilder::ball(0.5));
+    }
+    scene.joints.push(SceneJoint { a: 0, b: 1, joint, multibody: Some(LinkSettings::default()) });
+    scene
+}
+
+#[test]
+fn links_start_with_the_velocities_of_their_bodies() {
+    let fixed = FixedJointBuilder::new().local_anchor1(Vector::X * 2.0).build();
+    let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::X * 2.0).build();
+    let rail = PrismaticJointBuilder::new(Vector::X).local_anchor1(Vector::X * 2.0).build();
+    for (joint, velocities) in [
+        (fixed.into(), [[5.0, 1.0, 0.0]; 2]),
+        (GenericJoint::from(hinge), [[5.0, 1.0, 0.0]; 2]),
+        (rail.into(), [[1.0, 0.0, 3.0], [2.0, 0.0, 3.0]]),
+    ] {
+        let scene = Scene { gravity: [0.0; 3], ..thrown(joint, velocities) };
+        for cuts in [&[][..], &[1.0]] {
+            let mut world = world_of(&scene, cuts, Coupling::Auto);
+            (0..60).for_each(|_| world.step().unwrap());
+            for (index, (id, _, pose, velocity)) in world.states().enumerate() {
+                let of = velocities[index];
+                let way = (0..3).map(|i| (velocity.linear[i] - of[i]).abs()).fold(0.0, f32::max);
+                let x = 2.0 * index as f64 + f64::from(of[0]);
+                assert!(way < 0.01 && (pose.translation[0] - x).abs() < 0.02, "{id}: {pose:?} {velocity:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_multibody_is_no_faster_than_the_speed_limit() {
+    let fixed = FixedJointBuilder::new().local_anchor1(Vector::X * 2.0).build();
+    let scene = Scene { speed_limit_m_s: 5.0, ..thrown(fixed.into(), [[0.0; 3]; 2]) };
+    let step = scene.step_settings();
+    let mut world =
+        LocalWorld::from_scene(&scene, WorldConfig { step, ..WorldConfig::for_scene(&scene) }).unwrap();
+    for _ in 0..120 {
+        world.step().unwrap();
+        let speed = |velocity: Velocity| Vector::from(velocity.linear).length();
+        assert!(world.states().all(|(.., velocity)| speed(velocity) < 5.001));
+    }
+    let fallen = -world.states().next().unwrap().2.translation[1];
+    assert!((8.5..9.5).contains(&fallen), "it falls as fast as is allowed: {fallen}");
 }
 
 #[test]

@@ -163,7 +163,7 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
 
 /// Returns the motion of a link at rest from the poses of its two bodies, for a joint of which no more is
 /// recorded. Poses do not tell whole turns: a hinge is taken to be within its limits if it can be.
-pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
+fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's position, so that f32 is exact enough.
     let anchor = a.translation;
     let frame = |pose: &WorldPose, local: Pose| convert::region_from_world(anchor, pose) * local;
@@ -201,7 +201,7 @@ pub(crate) fn set_motions<'a>(
 
 /// Returns the motion of a link from the states of its two bodies and of the root of its multibody. Bodies do
 /// not tell whole turns: these stay as `known`, if the link is where that says.
-pub(super) fn motion_of(
+pub(crate) fn motion_of(
     joint: &GenericJoint,
     known: Option<&LinkMotion>,
     a: &BodyState,

@@ -42,7 +42,7 @@ pub use articulation::LinkSettings;
 pub(crate) use articulation::link_fault;
 #[cfg(feature = "net")]
 pub(crate) use articulation::set_motions;
-pub(crate) use articulation::{equip_link, insert_link, motion_between};
+pub(crate) use articulation::{equip_link, insert_link, motion_of};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};

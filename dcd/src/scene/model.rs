@@ -3,8 +3,8 @@
 use rapier3d::prelude::*;
 
 use crate::fidelity::Fidelity;
-use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_between};
-use crate::protocol::{LinkRecord, WorldPose};
+use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_of};
+use crate::protocol::{BodyState, LinkRecord, Velocity, WorldPose};
 use crate::space::{Axis, Balance, Bounds, Viewpoint};
 
 /// The content of a world at its first tick, and the settings by which it is to be stepped.
@@ -68,8 +68,8 @@ pub struct SceneJoint {
     /// The frames, limits and motors.
     pub joint: GenericJoint,
     /// The settings of a multibody joint: the second body is a link of the first one's multibody (reduced
-    /// coordinates). `None`: impulses tie the bodies. Links start at rest, and along the free axes where
-    /// their bodies' poses have them.
+    /// coordinates). `None`: impulses tie the bodies. Along the free axes links start where the poses of their
+    /// bodies have them, and move as these do.
     pub multibody: Option<LinkSettings>,
 }
 
@@ -140,11 +140,18 @@ impl Scene {
         /// The displacement along a free axis, metres or radians, up to which it is rounding and no motion.
         const STRAY: f32 = 1e-4;
         let link = joint.multibody?.record();
-        let [a, b] = [joint.a, joint.b].map(|body| self.bodies[body].pose);
-        let motion = motion_between(&joint.joint, &a, &b);
+        let above = |&body: &usize| {
+            let is_above = |other: &&SceneJoint| other.b == body && other.multibody.is_some();
+            self.joints.iter().find(is_above).map(|other| other.a)
+        };
+        // Bounded, in case the joints are a loop.
+        let root = std::iter::successors(Some(joint.a), above).take(self.joints.len()).last()?;
+        let [a, b, root] = [joint.a, joint.b, root].map(|body| self.bodies[body].state());
+        let motion = motion_of(&joint.joint, None, &a, &b, &root);
         let free = |axis: &usize| joint.joint.locked_axes.bits() & (1 << axis) == 0;
-        let moved = (0..6).filter(free).any(|axis| motion.coordinates[axis].abs() > STRAY);
-        Some(LinkRecord { motion: moved.then_some(motion), ..link })
+        let is_away = (0..6).filter(free).any(|axis| motion.coordinates[axis].abs() > STRAY);
+        let moves = motion.velocity.iter().chain(&motion.root_velocity).any(|v| *v != 0.0);
+        Some(LinkRecord { motion: (is_away || moves).then_some(motion), ..link })
     }
 
     /// Returns a scene without bodies, to be filled: Earth's gravity, 60 ticks per second, Rapier's 4
@@ -196,6 +203,22 @@ impl Scene {
 }
 
 impl SceneBody {
+    /// Returns where the body starts, and how it moves there.
+    fn state(&self) -> BodyState {
+        let velocity = Velocity { linear: self.body.linvel.to_array(), angular: self.body.angvel.to_array() };
+        BodyState {
+            pose: self.pose,
+            velocity,
+            force: [0.0; 3],
+            torque: [0.0; 3],
+            sleeping: false,
+            still_s: 0.0,
+            gait: None,
+            drive: None,
+            contact_offset: None,
+        }
+    }
+
     /// Returns the AABB of the body's colliders where it starts: the position alone if it has no colliders,
     /// infinite for a half-space.
     pub fn bounds(&self) -> Bounds {

@@ -41,6 +41,7 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.listener),
         }
+        self.slow_multibodies(parameters.max_linear_velocity());
         self.restore_limits(woken, parameters.dt);
         let (awake, joints) = (self.world.islands.num_active_bodies(), self.world.impulse_joints.len());
         self.profile.note(start.elapsed(), &self.world.physics_pipeline.counters, awake, joints);
@@ -56,6 +57,28 @@ impl Region {
         }
         self.revision = unchanged.filter(|_| is_still(self)).unwrap_or(self.revision + 1);
         self.stepped = self.revision;
+    }
+
+    /// Slows each multibody of which a link is faster than a speed, m/s, as a whole. Rapier itself slows other bodies only.
+    fn slow_multibodies(&mut self, most_m_s: f32) {
+        let speed = |link: &MultibodyLink| self.world.bodies[link.rigid_body_handle()].linvel().length();
+        let fastest = |of: &Multibody| of.links().map(speed).fold(0.0, f32::max);
+        let all =
+            self.world.multibody_joints.multibodies().map(|of| (of.root().rigid_body_handle(), fastest(of)));
+        let too_fast: Vec<_> = all.filter(|(_, fastest)| *fastest > most_m_s).collect();
+        for (root, fastest) in too_fast {
+            let (world, by) = (self.world_mut(), most_m_s / fastest);
+            let index =
+                world.multibody_joints.rigid_body_link(root).expect("the root of a multibody").multibody;
+            let Some(multibody) = world.multibody_joints.get_multibody_mut(index) else { continue };
+            multibody.generalized_velocity_mut().as_mut_slice().iter_mut().for_each(|v| *v *= by);
+            for link in multibody.links() {
+                let body = &mut world.bodies[link.rigid_body_handle()];
+                let (linear, angular) = (body.linvel() * by, body.angvel() * by);
+                body.set_linvel(linear, false);
+                body.set_angvel(angular, false);
+            }
+        }
     }
 
     /// Notes the length of the substep in which the contacts of awake bodies have just been solved. Sleeping

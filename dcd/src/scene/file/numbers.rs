@@ -3,6 +3,8 @@
 use rapier3d::prelude::{Rotation, Vector};
 use serde::Deserialize;
 
+use crate::protocol::WORLD_REACH_M;
+
 macro_rules! checked {
     ($(#[$doc:meta])* $name:ident, $accepts:expr, $what:literal) => {
         $(#[$doc])*
@@ -60,10 +62,10 @@ impl TryFrom<[f64; 3]> for Place {
     type Error = String;
 
     fn try_from(values: [f64; 3]) -> Result<Self, String> {
-        // A limit whose square f32 still holds, so that no region overflows.
-        match values.iter().find(|v| !v.is_finite() || v.abs() >= 1e18) {
+        // No message may have a body farther out, so it would be reported at that edge.
+        match values.iter().find(|v| !v.is_finite() || v.abs() > WORLD_REACH_M) {
             None => Ok(Self(values)),
-            Some(value) => Err(format!("{value} is not a finite number of metres below 1e18")),
+            Some(value) => Err(format!("{value} is not a number of metres within 1e9, where a world ends")),
         }
     }
 }

@@ -327,7 +327,9 @@ fn unknown_keys_are_named_with_the_known_ones_and_their_line() {
 
 #[test]
 fn numbers_that_no_world_can_use_are_refused_at_their_line() {
-    refused("[[body]]\nposition = [0, nan, 0]\n", 2, &["not a finite number"]);
+    for position in ["[0, nan, 0]", "[1.1e9, 0, 0]"] {
+        refused(&format!("[[body]]\nposition = {position}\n"), 2, &["not a number of metres within 1e9"]);
+    }
     refused("[world]\ndt = 0\n", 2, &["0 is not a finite number above 0"]);
     refused("[[body]]\nvelocity = [1e39, 0, 0]\n", 2, &["not a finite number"]);
     refused(&format!("{FLOOR}restitution = 50\n"), 6, &["50 is not a number from 0 to 1"]);

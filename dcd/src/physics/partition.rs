@@ -25,6 +25,8 @@ pub struct Partition {
     tree: DistributionTree,
     leaves: Arc<[RegionId]>,
     cells: Vec<Cell>,
+    /// The regions that are being emptied.
+    emptied: RegionSet,
     /// The tree's inner vertices, the root first.
     branches: Vec<Branch>,
     halo_m: f64,
@@ -53,6 +55,7 @@ impl Partition {
         let mut partition = Self {
             leaves: Arc::new([]),
             cells: Vec::new(),
+            emptied: RegionSet::EMPTY,
             branches: Vec::new(),
             halo_m: halo_m.unwrap_or(0.0),
             fixed_halo: halo_m.is_some(),
@@ -72,6 +75,8 @@ impl Partition {
     fn index(&mut self) {
         self.leaves = self.tree.leaves().collect();
         self.cells = self.leaves.iter().map(|&leaf| self.tree.cell(leaf)).collect();
+        let yielding = self.tree.yielding();
+        self.emptied = yielding.filter_map(|(_, regions)| self.rank_of(regions.leaving)).collect();
         self.branches.clear();
         self.lay_out(RegionId(0));
     }
@@ -105,6 +110,11 @@ impl Partition {
     /// Returns the cell of the region of this rank.
     pub fn cell(&self, rank: usize) -> &Cell {
         &self.cells[rank]
+    }
+
+    /// Returns the regions that are being emptied, each into another one that takes over its cell.
+    pub(super) fn emptied(&self) -> RegionSet {
+        self.emptied
     }
 
     /// Returns the number of regions.

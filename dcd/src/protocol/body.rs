@@ -7,7 +7,7 @@ use bincode::{Decode, Encode};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use super::{Character, Drive, Gait, ShapeHash, ShapeRecord, Vehicle};
+use super::{Character, Drive, Gait, ShapeHash, ShapeRecord, Vehicle, WORLD_REACH_M};
 use crate::space::{BodyId, Epoch};
 
 /// A pose in world space: position in metres (f64, so that worlds of 100 km keep millimetres), rotation as a
@@ -60,10 +60,11 @@ impl WorldPose {
         }
     }
 
-    /// Returns whether every number is finite and the rotation is a unit quaternion to 1e-3.
+    /// Returns whether the position is within the world's reach, 1e9 m along each axis, and the rotation is a unit
+    /// quaternion to 1e-3.
     pub fn is_valid(&self) -> bool {
         let norm2: f32 = self.rotation.iter().map(|v| v * v).sum();
-        self.translation.iter().all(|v| v.is_finite()) && (norm2 - 1.0).abs() < 2e-3
+        self.translation.iter().all(|v| v.abs() <= WORLD_REACH_M) && (norm2 - 1.0).abs() < 2e-3
     }
 }
 

@@ -149,7 +149,7 @@ impl PhysicsDevice {
             }
             PhysicsCommand::Repartition { changes, newborn_here } => {
                 let host = self.world();
-                host.wake_left_behind();
+                host.move_left_behind();
                 host.repartition(&changes, newborn_here)?;
                 None
             }

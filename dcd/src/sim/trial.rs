@@ -235,7 +235,7 @@ struct Trial<'a> {
     expected_nodes: u32,
     /// How many nodes there are to be, unless the configuration says it.
     population: Option<u32>,
-    /// A slow node, and how much of an equal share of the bodies it owned in the last looks.
+    /// A slow node, and how many bodies it owned in the last looks beyond its part by speed.
     slow_node: Option<(NodeId, VecDeque<f64>)>,
     calm_since: Option<Duration>,
     healed_at: Option<Duration>,

@@ -55,6 +55,9 @@ impl World {
     /// One region owns a whole multibody with all that is joined to it, whatever the coupling. It is never
     /// shared, and when it changes owner its contacts begin again without warm starting.
     ///
+    /// As in Rapier, the link starts at rest, and where the coordinates of its joint are 0, wherever its body was.
+    /// Only the links of a scene start where and as their bodies do.
+    ///
     /// ```
     /// # use dcd::prelude::*;
     /// # let mut world = World::new(WorldConfig::default())?;

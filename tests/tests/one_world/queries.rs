@@ -307,3 +307,17 @@ fn a_region_far_off_does_not_answer_for_ground_that_is_near_another() {
         assert!((hit.distance_m - gap_m).abs() < 1.5e-3, "{} m, not {gap_m} m", hit.distance_m);
     }
 }
+
+#[test]
+fn nothing_is_put_or_asked_beyond_the_reach_of_a_world() {
+    let mut world = halves();
+    let body = insert(&mut world, 0.0, ColliderBuilder::ball(0.5));
+    let (edge, beyond) = (WorldPose::at([0.0, 0.0, 1e9]), WorldPose::at([0.0, 1.1e9, 0.0]));
+    let mut insert_at =
+        |pose| world.insert_at(pose, RigidBodyBuilder::dynamic(), [ColliderBuilder::ball(0.5)]);
+    assert!(insert_at(edge).is_ok());
+    assert!(insert_at(beyond).unwrap_err().to_string().contains("lies beyond 1e9 m"));
+    assert!(world.set_pose(body, beyond).unwrap_err().to_string().contains("lies beyond 1e9 m"));
+    let below = world.queries().project_point([0.0, -1.1e9, 0.0], 1.0, true, &BodyFilter::default());
+    assert_eq!(below, Err(QueryError::NotFinite("point")));
+}

@@ -75,14 +75,14 @@ impl Balancing {
         let mut after = self.view.clone();
         let mut change = Repartition { changes: merges, newborn: self.view.leader };
         after.repartition(&change).ok()?;
-        let wakes = after.tree.yielding().next().is_some();
+        let is_emptying = after.tree.yielding().next().is_some();
         let more = self.hand_over(&after, &reports).or_else(|| self.level(&after, &reports));
         if let Some(more) = more.filter(|more| after.repartition(more).is_ok()) {
             change.changes.extend(more.changes);
             change.newborn = more.newborn;
         }
-        // A change without moves, cuts or merges wakes what sleeps in regions that are being emptied.
-        let is_due = wakes || !change.changes.is_empty();
+        // A change without moves, cuts or merges has what sleeps in regions that are being emptied leave them.
+        let is_due = is_emptying || !change.changes.is_empty();
         is_due.then(|| {
             self.view = after;
             change

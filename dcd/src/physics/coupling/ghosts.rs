@@ -141,6 +141,10 @@ fn take_over(
     let slot = region.slot_mut(handle);
     (slot.whole, slot.doubt) = (transfer.whole, 0);
     border.note_arrival(BodyRef { id: body.id, handle });
+    // What comes asleep is not looked at by itself.
+    if body.state.sleeping {
+        border.overlooked.push(handle);
+    }
     region.set_gait(body.id, body.state.gait);
     region.set_drive(body.id, body.state.drive);
     // Copies with a part of the mass follow their consensus instead.

@@ -107,6 +107,7 @@ impl Side {
     pub(super) fn is_idle(&self) -> bool {
         let Self { region, border, .. } = self;
         let is_settled = region.held_elsewhere_count() == 0 || border.silent_ticks == SILENT_TICKS;
+        let is_settled = is_settled && border.left_behind.is_empty();
         region.is_idle() && is_settled && !border.awaits_any() && border.pace.is_settled(region.rank())
     }
 
@@ -256,6 +257,24 @@ impl Coupling {
         }
     }
 
+    /// Notes what sleeps far outside its region's cell, and what regions in `emptied`, which are being emptied,
+    /// hold, for the exchanges to come.
+    pub(super) fn move_left_behind(self, side: &mut Side, emptied: RegionSet) {
+        let Side { region, border, .. } = side;
+        let left_behind = region.left_behind(emptied.contains(region.rank()));
+        let is_held_there =
+            |link: &BodyRef| !region.slot(link.handle).holders.intersection(emptied).is_empty();
+        if left_behind.is_empty() && !region.shared().iter().any(is_held_there) {
+            return;
+        }
+        match self.shares_mass() {
+            true => border.left_behind = left_behind,
+            false => border.overlooked.extend(region.own_resting()),
+        }
+        border.silent_ticks = 0;
+        region.stir();
+    }
+
     /// Fills the outbox with the bodies inserted since the last step that neighbours must hold.
     pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
@@ -350,6 +369,8 @@ pub(super) struct Border {
     late: late::Late,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
+    /// Bodies that sleep where they should not, and are to be handed over asleep.
+    left_behind: Vec<RigidBodyHandle>,
     /// Bodies that are held in place in this tick, with the velocities that they get back: see
     /// [`launch::hold`].
     #[serde(skip)]

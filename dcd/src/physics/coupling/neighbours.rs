@@ -23,7 +23,7 @@ use crate::physics::region::{Ownership, Region};
 use crate::space::{RegionSet, Tick};
 
 /// All regions meet in ticks that are multiples of this.
-const MEET_EVERY: u64 = 8;
+pub(super) const MEET_EVERY: u64 = 8;
 
 /// Returns whether all regions meet in a tick, whatever else happens.
 pub(in crate::physics) fn meet_in(tick: Tick) -> bool {

@@ -22,6 +22,7 @@
 //! and `membership` tells the regions concerned and applies what is told.
 
 mod announce;
+mod asleep;
 mod contact_poses;
 mod decide_on;
 mod desired;
@@ -35,6 +36,7 @@ use serde::{Deserialize, Serialize};
 
 pub(super) use self::announce::announce;
 use self::announce::{share_fresh, share_sudden};
+use self::asleep::hand_over_asleep;
 use self::contact_poses::ContactPoses;
 use self::decide_on::decide_on;
 use self::desired::{desired_membership, goal_of};
@@ -83,6 +85,8 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
+    let gone = hand_over_asleep(region, border, outbox, moment);
+    let is_gone = |link: &BodyRef| gone.binary_search_by_key(&link.id, |gone| gone.id).is_ok();
     let Border { reach, islands, pace, predicted, shared, .. } = border;
     let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
     let draws_large =
@@ -112,7 +116,8 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     reach.spread(region, islands, shared, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
-    let candidates = candidates(region, border, moment);
+    let mut candidates = candidates(region, border, moment);
+    candidates.retain(|link| !is_gone(link));
     // These come first, since a decision needs them of all bodies of an island.
     for link in &candidates {
         let spans = border.islands.of(link.handle).is_some_and(Island::spans);
@@ -145,13 +150,13 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     for (link, (desired, _)) in candidates.into_iter().zip(desired) {
         leaving.extend(decide_on(side, moment, link, desired, &mut contact_poses));
     }
-    leaving.extend(articulated::leaving(&side.region, &mut side.border, moment));
+    let articulated = articulated::leaving(&side.region, &mut side.border, moment);
+    leaving.extend(articulated.into_iter().filter(|(link, _)| !is_gone(link)));
     for (link, owner) in &leaving {
         hand_over(&side.region, &mut side.outbox, *link, *owner);
     }
-    for (link, _) in leaving {
-        side.region.give_up(link.id);
-    }
+    let left = leaving.into_iter().map(|(link, _)| link).chain(gone);
+    left.for_each(|link| side.region.give_up(link.id));
 }
 
 /// Returns the bodies whose islands are to be found. A body near the border that no other region holds, that

@@ -51,9 +51,9 @@ pub enum HostError {
         /// What is wrong, and what to do.
         cause: &'static str,
     },
-    /// A number that must be finite is not, or a rotation is not a unit quaternion.
+    /// A number that must be finite is not, a position is beyond 1e9 m, or a rotation is not a unit quaternion.
     #[error(
-        "{0} has a pose or velocity that is not finite, or a rotation that is not a unit quaternion; check its numbers"
+        "{0} has a pose or velocity that is not finite, lies beyond 1e9 m, or has a rotation that is not a unit quaternion; check its numbers"
     )]
     NotFinite(BodyId),
 }

@@ -72,7 +72,7 @@ impl Processes {
         let newborn = newborn % self.0.len();
         for (place, host) in self.0.iter_mut().enumerate() {
             host.repartition(changes, place == newborn).unwrap();
-            host.wake_left_behind();
+            host.move_left_behind();
         }
     }
 

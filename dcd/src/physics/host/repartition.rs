@@ -84,7 +84,7 @@ impl RegionHost {
             return Ok(Vec::new());
         }
         self.limit_islands(island_limit);
-        self.wake_left_behind();
+        self.move_left_behind();
         if holds_cut {
             return Ok(Vec::new());
         }
@@ -101,13 +101,11 @@ impl RegionHost {
         Ok(renamed)
     }
 
-    /// Wakes bodies that sleep far outside their region's cell, so that they move to where they belong. Also
-    /// wakes those of which a region that is being emptied holds a ghost, since ghosts of sleeping bodies
-    /// stay where they are.
-    pub fn wake_left_behind(&mut self) {
-        let yielding = self.partition.tree().yielding();
-        let leaving = yielding.filter_map(|(_, regions)| self.partition.rank_of(regions.leaving)).collect();
-        self.sides.iter_mut().for_each(|side| side.region.wake_left_behind(leaving));
+    /// Has what sleeps far outside its region's cell, and all that a region that is being emptied holds, move
+    /// to where it belongs in the ticks to come.
+    pub fn move_left_behind(&mut self) {
+        let (emptied, coupling) = (self.partition.emptied(), self.settings.coupling);
+        self.sides.iter_mut().for_each(|side| coupling.move_left_behind(side, emptied));
     }
 
     /// Returns the merges that can be completed, as far as is known here: those that give up an empty region.
@@ -269,10 +267,11 @@ mod tests {
 
     use super::*;
     use crate::physics::host::processes::Processes;
-    use crate::protocol::WorldPose;
+    use crate::physics::{Coupling, LinkSettings};
+    use crate::protocol::{Velocity, WorldPose};
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
-    use crate::scene::{Params, Scene};
-    use crate::space::Axis;
+    use crate::scene::{Params, Scene, SceneJoint};
+    use crate::space::{Axis, BodyId};
 
     /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the
     /// origin. Beside it stand twenty small stacks, four of them on the left.
@@ -380,6 +379,86 @@ mod tests {
             }
             assert_eq!(merged, 1, "{}: {handed_over:?} was not emptied", scene.name);
             assert!(runs[0].0[0].partition().tree().is_leaf(handed_over.unwrap()));
+        }
+    }
+
+    /// A settled stack in each region and one over the border, and in the air two boxes, a chain and a ragdoll that
+    /// their user put to sleep.
+    fn sleepers() -> Scene {
+        let mut scene = Scene::empty("sleepers");
+        scene.push_fixed_box([0.0, -0.5, 0.0], [80.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
+        let brick = ColliderBuilder::cuboid(0.5, 0.5, 0.5).friction(0.7);
+        for x in [-30.0, -3.0, 0.1, 4.0, 30.0] {
+            for level in 0..3 {
+                let at = WorldPose::at([x, f64::from(level) + 0.5, 0.0]);
+                scene.push(at, RigidBodyBuilder::dynamic(), brick.clone());
+            }
+        }
+        for x in [-20.0, 1.0, 25.0] {
+            let first = scene.bodies.len();
+            for link in 0..4 {
+                let at = WorldPose::at([x + 1.1 * f64::from(link), 5.0, 0.0]);
+                scene.push(at, RigidBodyBuilder::dynamic().sleeping(true), brick.clone());
+            }
+            for a in first..first + 3 {
+                let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::X * 0.55);
+                let joint = hinge.local_anchor2(Vector::X * -0.55).into();
+                let multibody = (x > 20.0).then(LinkSettings::default);
+                scene.joints.push(SceneJoint { a, b: a + 1, joint, multibody });
+            }
+        }
+        scene.bounds = Bounds::new([-60.0, -1.0, -10.0], [60.0, 8.0, 10.0]);
+        scene
+    }
+
+    #[test]
+    fn what_sleeps_in_a_region_that_is_emptied_goes_to_its_heir_asleep() {
+        let scene = sleepers();
+        let cases =
+            [(Coupling::Auto, 1, 2), (Coupling::Auto, 2, 1), (Coupling::Auto, 2, 2), (Coupling::Owner, 2, 1)];
+        for (coupling, processes, heir) in cases {
+            let settings = WorldConfig::for_scene(&scene).step.with_coupling(coupling);
+            let mut run = Processes::of(&scene, settings, 2, processes);
+            let asleep = |run: &Processes| run.0.iter().all(|host| host.awake_bodies().is_empty());
+            let mut tick = 0;
+            while !asleep(&run) {
+                (run.step(), tick += 1);
+                assert!(tick < 400, "it comes to rest");
+            }
+            let at_first = run.states();
+            run.repartition(&[TreeChange::Yield { vertex: RegionId(0), heir: RegionId(heir) }], 0);
+            let leaving = RegionId(3 - heir);
+            let mut ticks = 0;
+            while !run.0.iter().any(|host| host.is_vacant(leaving)) {
+                run.step();
+                assert!(
+                    asleep(&run),
+                    "{coupling:?}, heir {heir}, {processes} processes, tick {ticks}: some woke"
+                );
+                if ticks % 10 == 0 {
+                    run.repartition(&[], 0);
+                }
+                ticks += 1;
+                assert!(
+                    ticks < 60,
+                    "{coupling:?}, heir {heir}, {processes} processes: {leaving:?} is not emptied"
+                );
+            }
+            run.repartition(&[TreeChange::Merge { vertex: RegionId(0) }], 0);
+            (0..30).for_each(|_| run.step());
+            let states = run.states();
+            assert!(asleep(&run) && states.iter().all(|(_, region, ..)| *region == RegionId(0)));
+            let places = |states: &[(BodyId, RegionId, WorldPose, Velocity)]| {
+                states.iter().map(|(id, _, pose, velocity)| (*id, *pose, *velocity)).collect::<Vec<_>>()
+            };
+            assert_eq!(places(&states), places(&at_first), "none has moved");
+            // The uppermost box of a stack, and a link of a chain, are woken.
+            for id in [at_first[5].0, at_first[15].0] {
+                run.0.iter_mut().for_each(|host| _ = host.steer(id, &Velocity::linear([0.0, 0.0, 3.0])));
+            }
+            (0..60).for_each(|_| run.step());
+            let lies_m = |at: usize| run.states()[at].2.translation[1];
+            assert!((lies_m(3) - 0.5).abs() < 0.02 && lies_m(15) < 4.0, "{} and {} m", lies_m(3), lies_m(15));
         }
     }
 }

@@ -2,15 +2,15 @@
 
 use parry3d::shape::Shape;
 
-use crate::protocol::WorldPose;
+use crate::protocol::{WORLD_REACH_M, WorldPose};
 use crate::space::Bounds;
 
 /// The error of a query whose arguments are out of range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QueryError {
-    /// A number is NaN or infinite.
-    #[error("the {0} of the query is not finite; check its numbers")]
+    /// A number is NaN or infinite, or a point lies beyond 1e9 m.
+    #[error("the {0} of the query is not finite, or lies beyond 1e9 m; check its numbers")]
     NotFinite(&'static str),
     /// The direction of a ray has no length.
     #[error("the ray's direction has no length; say where the ray goes, or ask `intersect_point`")]
@@ -35,7 +35,7 @@ pub enum QueryError {
 }
 
 pub(super) fn point(point: [f64; 3], what: &'static str) -> Result<(), QueryError> {
-    if point.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
+    if point.iter().all(|v| v.abs() <= WORLD_REACH_M) { Ok(()) } else { Err(QueryError::NotFinite(what)) }
 }
 
 pub(in crate::physics) fn vector(vector: [f32; 3], what: &'static str) -> Result<(), QueryError> {

@@ -31,7 +31,7 @@ impl Region {
     }
 
     /// Returns the region's own bodies that do not sleep, each once.
-    pub(super) fn own_awake(&self) -> Vec<RigidBodyHandle> {
+    pub(in crate::physics) fn own_awake(&self) -> Vec<RigidBodyHandle> {
         let owned = |handle: &RigidBodyHandle| {
             self.slot_at(*handle).is_some_and(|slot| slot.role == Ownership::Owner)
         };
@@ -58,7 +58,7 @@ impl Region {
     }
 
     /// Wakes a body.
-    pub(super) fn wake(&mut self, handle: RigidBodyHandle) {
+    pub(in crate::physics) fn wake(&mut self, handle: RigidBodyHandle) {
         let was_asleep = self.world.bodies[handle].is_sleeping();
         let PhysicsWorld { islands, bodies, .. } = self.world_mut();
         islands.wake_up(bodies, handle, true);
@@ -216,7 +216,7 @@ mod tests {
     use crate::physics::host::RegionHost;
     use crate::physics::{Coupling, Partition, StepSettings};
     use crate::protocol::{Velocity, WorldPose};
-    use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionSet};
+    use crate::space::{Axis, BodyId, Bounds, DistributionTree};
 
     /// Makes a host with `count` boxes on each side of a border, asleep on one floor.
     fn sleepers(count: u32) -> RegionHost {
@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn who_measures_the_load_looks_at_no_sleeper() {
         let mut host = sleepers(50);
-        assert_eq!(looks_of(|| host.wake_left_behind()), (0, 0));
+        assert_eq!(looks_of(|| host.move_left_behind()), (0, 0));
         let activity = |host: &RegionHost| host.regions().map(Region::activity).sum::<f64>();
         assert_eq!(looks_of(|| activity(&host)), (0, 0));
         host.steer(BodyId::persistent(1), &Velocity::linear([0.0, 0.0, 1.0]));
@@ -264,9 +264,9 @@ mod tests {
         assert!(bodies <= 2 && contacts <= 2, "{bodies} bodies, {contacts} contacts");
         // Bodies that an emptied region or a moved plane leaves behind are looked for.
         let region = &mut host.regions().next().unwrap().clone();
-        assert!(looks_of(|| region.wake_left_behind(RegionSet::only(1))).0 >= 50);
+        assert!(looks_of(|| _ = region.left_behind(true)).0 >= 50);
         region.set_cell(*region.cell());
-        assert!(looks_of(|| region.wake_left_behind(RegionSet::EMPTY)).0 >= 50);
+        assert!(looks_of(|| _ = region.left_behind(false)).0 >= 50);
     }
 
     #[test]

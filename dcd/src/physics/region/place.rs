@@ -9,9 +9,9 @@ use super::{BodyRef, COVER_M, Ownership, Region, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
-use crate::space::{BodyId, Bounds, Cell, RegionSet};
+use crate::space::{BodyId, Bounds, Cell};
 
-/// How far outside the cell a sleeping body may lie without being woken, metres.
+/// How far outside the cell a sleeping body may lie and stay here, metres.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
 
 /// The weight of the last tick in the mean time of a tick.
@@ -53,23 +53,18 @@ impl Region {
         self.listener.owes_word()
     }
 
-    /// Wakes sleeping bodies that should move to another region. These are the bodies far outside the cell,
-    /// once after a plane has passed over them or while this region is being emptied, and those that a region
-    /// in `leaving`, which is being emptied, holds too. Other bodies nearer to the cell stay here. So do
-    /// islands of which a large enough part lies in this region.
-    pub(in crate::physics) fn wake_left_behind(&mut self, leaving: RegionSet) {
-        let was_passed_over = std::mem::take(&mut self.passed_over) || leaving.contains(self.rank);
-        if !was_passed_over && leaving.is_empty() {
-            return;
+    /// Returns the sleeping bodies that lie far outside the cell, in id order: once after a plane has passed over
+    /// them, and while this region is being emptied. Bodies nearer to the cell stay here.
+    pub(in crate::physics) fn left_behind(&mut self, is_emptied: bool) -> Vec<RigidBodyHandle> {
+        if !std::mem::take(&mut self.passed_over) && !is_emptied {
+            return Vec::new();
         }
-        for handle in self.own_resting() {
-            let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
-            let is_held_there = !self.slot(handle).holders.intersection(leaving).is_empty();
-            let is_far = was_passed_over && self.cell.excess_m(centre) > LEFT_BEHIND_M;
-            if self.world.bodies[handle].is_sleeping() && (is_held_there || is_far) {
-                self.world_mut().wake_up(handle, true);
-            }
-        }
+        let mut resting = self.own_resting();
+        resting.retain(|&handle| {
+            let is_far = self.cell.excess_m(self.centre_of(handle)) > LEFT_BEHIND_M;
+            is_far && self.world.bodies[handle].is_sleeping()
+        });
+        resting
     }
 
     /// Returns the region's own bodies that sleep or are disabled, in id order.

@@ -59,9 +59,13 @@ impl Region {
         self.stepped = self.revision;
     }
 
-    /// Slows each multibody of which a link is faster than a speed, m/s, as a whole. Rapier itself slows other bodies only.
+    /// Slows each multibody of which a link is faster than a speed, m/s, as a whole: its centre, or what is farthest
+    /// from it, by the link's spin. Rapier itself slows other bodies only.
     fn slow_multibodies(&mut self, most_m_s: f32) {
-        let speed = |link: &MultibodyLink| self.world.bodies[link.rigid_body_handle()].linvel().length();
+        let speed = |link: &MultibodyLink| {
+            let (handle, body) = (link.rigid_body_handle(), &self.world.bodies[link.rigid_body_handle()]);
+            body.linvel().length().max(body.angvel().length() * self.slot(handle).reach_m)
+        };
         let fastest = |of: &Multibody| of.links().map(speed).fold(0.0, f32::max);
         let all =
             self.world.multibody_joints.multibodies().map(|of| (of.root().rigid_body_handle(), fastest(of)));

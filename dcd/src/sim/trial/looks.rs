@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::{Action, CALM, CALM_APART, LOOK, Trial};
+use super::{Action, CALM, CALM_APART, LOOK, SLOWER, Trial};
 use crate::cluster::{Peer, Server};
 use crate::protocol::{BodyKind, BodyRecord, View};
 use crate::sim::Violation;
@@ -28,13 +28,11 @@ pub struct Staleness {
 
 /// The least number of bodies that are shared out evenly.
 const FREE_BODIES: usize = 25;
-/// The largest share of an equal share that a node which is ten times slower may own when all is calm. In
-/// proportion to its speed it would be 0.13 with four nodes, which is the median of the looks; some looks
-/// find a quarter.
-const SLOW_SHARE: f64 = 0.2;
-/// The number of the last looks, five seconds' worth, over which the share of a slow node is averaged. It is
-/// one or two bodies of forty, which come and go.
-const SHARE_OVER: usize = 100;
+/// The number of bodies that a slow node may own beyond its part by speed when all is calm. That part is one or
+/// two bodies of forty, which come and go, and bodies are whole.
+const SURPLUS: f64 = 1.0;
+/// The number of the last looks, five seconds' worth, over which the surplus of a slow node is averaged.
+const SURPLUS_OVER: usize = 100;
 
 impl Default for Staleness {
     fn default() -> Self {
@@ -193,25 +191,26 @@ impl Trial<'_> {
         if let Some(member) = idle {
             return Some(format!("{} has no region", member.node));
         }
-        let (slow, shares) = self.slow_node.as_ref().filter(|(node, _)| self.sim.nodes.contains_key(node))?;
-        let share = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
+        let (slow, surpluses) =
+            self.slow_node.as_ref().filter(|(node, _)| self.sim.nodes.contains_key(node))?;
+        let surplus = surpluses.iter().sum::<f64>() / surpluses.len().max(1) as f64;
         // A stack or a chain is one island, which is in one place as a whole.
         if self.sim.checker.bodies(server.main_group()).count() < FREE_BODIES {
             return None;
         }
-        (share > SLOW_SHARE)
-            .then(|| format!("{slow} owns {share:.2} of what would be its share at full speed"))
+        (surplus > SURPLUS).then(|| format!("{slow} owns {surplus:.1} bodies more than its part by speed"))
     }
 
     /// Notes how much a slow node has to do.
     fn note_balance(&mut self) {
-        let Some((node, shares)) = &mut self.slow_node else { return };
+        let Some((node, surpluses)) = &mut self.slow_node else { return };
         let Some(process) = self.sim.nodes.get(node) else { return };
-        let mean = self.sim.checker.owned() as f64 / self.sim.nodes.len() as f64;
-        if shares.len() == SHARE_OVER {
-            shares.pop_front();
+        let part = 1.0 / ((self.sim.nodes.len() - 1) as f64 * SLOWER + 1.0);
+        if surpluses.len() == SURPLUS_OVER {
+            surpluses.pop_front();
         }
-        shares.push_back(process.physics.claims().len() as f64 / mean.max(1.0));
+        let by_speed = self.sim.checker.owned() as f64 * part;
+        surpluses.push_back(process.physics.claims().len() as f64 - by_speed);
     }
 
     fn lacks_avatar(&self, server: &Server, client: ClientId) -> Option<String> {

@@ -283,7 +283,11 @@ fn a_multibody_that_turns_falls_on_into_another_region_however_late_that_hears()
 #[test]
 fn multibodies_that_tumble_down_stairs_into_another_region_gain_no_energy_however_late_that_hears() {
     let params = Params::new().with("count", 10).with("sleep", 0).with("multibody", 1);
-    let scene = Scene::named("ragdolls", &params).unwrap();
+    let mut scene = Scene::named("ragdolls", &params).unwrap();
+    // Thrown, they flail at up to 64 m/s in one world, too: seen with Rapier 0.36.1.
+    for body in &mut scene.bodies {
+        (body.body.linvel, body.body.angvel) = (Vector::ZERO, Vector::ZERO);
+    }
     for late in [1, 6, 12] {
         let mut apart = Apart::cut_at(3.0, &scene, late);
         let energy_j = |apart: &Apart| apart.hosts.iter().map(RegionHost::energy_j).sum::<f64>();

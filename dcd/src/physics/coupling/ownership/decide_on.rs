@@ -58,15 +58,17 @@ pub(super) fn decide_on(
     let mut ready = false;
     if let Some(shared) = shared {
         (before, warming_before) = (shared.members, shared.warming);
-        // Memberships and masses stay as they are while a body sleeps: changing them would wake it.
         let noticed = shared.settled > NOTICE_TICKS;
-        let needless = noticed && !held.without(desired.holders).is_empty() && !asleep;
-        shared.idle = if needless { shared.idle + 1 } else { 0 };
+        // A sleeping body stays where it is held, except in a region that is being emptied.
+        let needless = held.without(desired.holders);
+        let needless = if asleep { needless.intersection(moment.partition.emptied()) } else { needless };
+        shared.idle = if noticed && !needless.is_empty() { shared.idle + 1 } else { 0 };
         // A kinematic body may carry other regions' bodies which its new owner has not received yet, and a character may
         // stand on the body there.
         let is_trodden = region.is_walked_on(link.handle);
-        if shared.idle > if desired.pressed || carries || is_trodden { KEEP_TICKS } else { 0 } {
-            members = desired.holders.union(own);
+        let lasts = desired.pressed && !asleep || carries || is_trodden;
+        if shared.idle > if lasts { KEEP_TICKS } else { 0 } {
+            members = members.without(needless);
         }
         ready = (desired.ready || flies)
             && held.contains(desired.owner)

@@ -39,7 +39,8 @@ pub(super) fn hand_over_asleep(
     if border.left_behind.is_empty() || moment.tick.0 % MEET_EVERY >= moment.coarsest.into() {
         return Vec::new();
     }
-    let awake: Vec<_> = region.own_awake().into_iter().map(|handle| swept(region, handle, moment)).collect();
+    let awake = region.own_awake().into_iter().filter(|&handle| region.physics().bodies[handle].is_enabled());
+    let awake: Vec<_> = awake.map(|handle| swept(region, handle, moment)).collect();
     let (mut gone, mut known) = (Vec::new(), BTreeSet::new());
     for handle in std::mem::take(&mut border.left_behind) {
         if !sleeps_here(region, handle) || known.contains(&handle.into_raw_parts()) {

@@ -149,8 +149,8 @@ impl PhysicsDevice {
             }
             PhysicsCommand::Repartition { changes, newborn_here } => {
                 let host = self.world();
-                host.move_left_behind();
                 host.repartition(&changes, newborn_here)?;
+                host.move_left_behind();
                 None
             }
             PhysicsCommand::Step { tick, rounds, ops } => {

@@ -264,13 +264,14 @@ impl Coupling {
         let left_behind = region.left_behind(emptied.contains(region.rank()));
         let is_held_there =
             |link: &BodyRef| !region.slot(link.handle).holders.intersection(emptied).is_empty();
-        if left_behind.is_empty() && !region.shared().iter().any(is_held_there) {
+        if left_behind.is_empty() && !region.held_elsewhere().any(|link| is_held_there(&link)) {
             return;
         }
         match self.shares_mass() {
-            true => border.left_behind = left_behind,
+            true => border.left_behind.extend(left_behind),
             false => border.overlooked.extend(region.own_resting()),
         }
+        region.forget_leaders(emptied);
         border.silent_ticks = 0;
         region.stir();
     }

@@ -461,4 +461,32 @@ mod tests {
             assert!((lies_m(3) - 0.5).abs() < 0.02 && lies_m(15) < 4.0, "{} and {} m", lies_m(3), lies_m(15));
         }
     }
+
+    /// A multibody sleeps beside one that never does, closer than multibodies may be in different regions.
+    #[test]
+    fn what_never_sleeps_keeps_nothing_asleep_in_a_region_that_is_emptied() {
+        let mut scene = Scene::empty("two arms");
+        scene.push_fixed_box([0.0, -0.5, 0.0], [80.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
+        for (z, can_sleep) in [(0.0, true), (1.05, false)] {
+            let first = scene.bodies.len();
+            for x in [30.0, 31.1] {
+                let body = RigidBodyBuilder::dynamic().can_sleep(can_sleep);
+                scene.push(WorldPose::at([x, 0.5, z]), body, ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+            }
+            let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::X * 0.55);
+            let joint = hinge.local_anchor2(Vector::X * -0.55).into();
+            let multibody = Some(LinkSettings::default());
+            scene.joints.push(SceneJoint { a: first, b: first + 1, joint, multibody });
+        }
+        scene.bounds = Bounds::new([-60.0, -1.0, -10.0], [60.0, 8.0, 10.0]);
+        let mut run = Processes::of(&scene, WorldConfig::for_scene(&scene).step, 2, 2);
+        (0..200).for_each(|_| run.step());
+        assert_eq!(run.0.iter().map(|host| host.awake_bodies().len()).sum::<usize>(), 2);
+        run.repartition(&[TreeChange::Yield { vertex: RegionId(0), heir: RegionId(1) }], 0);
+        for _ in 0..6 {
+            (0..10).for_each(|_| run.step());
+            run.repartition(&[], 0);
+        }
+        assert!(run.0.iter().any(|host| host.is_vacant(RegionId(2))));
+    }
 }

@@ -213,6 +213,8 @@ impl Region {
     pub(in crate::physics) fn forget_holders(&mut self) {
         self.fresh.clear();
         self.targets.reset();
+        // What sleeps outside the cell may not have been handed over yet.
+        self.passed_over = true;
         for BodyRef { id, handle } in self.links() {
             let holders = self.slot(handle).holders;
             let was_shared = self.mass_split(handle).is_some();

@@ -9,7 +9,7 @@ use super::{BodyRef, COVER_M, Ownership, Region, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
-use crate::space::{BodyId, Bounds, Cell};
+use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
 /// How far outside the cell a sleeping body may lie and stay here, metres.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
@@ -65,6 +65,17 @@ impl Region {
             is_far && self.world.bodies[handle].is_sleeping()
         });
         resting
+    }
+
+    /// Forgets that regions in `emptied` lead bodies that sleep here: nothing would tell otherwise, and those regions
+    /// would go on to be asked for.
+    pub(in crate::physics) fn forget_leaders(&mut self, emptied: RegionSet) {
+        let sleeps = |link: &BodyRef| self.world.bodies[link.handle].is_sleeping();
+        let asleep: Vec<_> = self.held_elsewhere().filter(sleeps).collect();
+        for link in asleep {
+            let led_by = &mut self.slot_mut(link.handle).led_by;
+            *led_by = led_by.filter(|rank| !emptied.contains(*rank));
+        }
     }
 
     /// Returns the region's own bodies that sleep or are disabled, in id order.

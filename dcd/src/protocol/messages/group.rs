@@ -513,11 +513,12 @@ impl WorldOp {
     }
 
     /// Returns whether this may concern regions that are far from each other: bodies are inserted, or one
-    /// jumps to a pose or flies off as a projectile.
+    /// jumps to a pose, is put there or flies off as a projectile.
     pub fn concerns_all(&self) -> bool {
         match self {
             Self::Insert { .. } => true,
             Self::Input(input) => input.pose.is_some() || input.is_shot(),
+            Self::Correct { stuck, .. } => !stuck.is_empty(),
             _ => false,
         }
     }

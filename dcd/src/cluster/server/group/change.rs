@@ -45,6 +45,8 @@ pub(in crate::cluster::server) struct ViewChange {
     patience: Duration,
     /// Members of the last view that are alive, including those that are leaving.
     survivors: BTreeSet<NodeId>,
+    /// What an earlier change that was not completed noted of orphans.
+    orphans: Orphans,
     /// The dispatches that survivors know, as far as they have told yet.
     settling: BTreeMap<NodeId, Vec<Dispatch>>,
     /// The dispatches of survivors that have told all.
@@ -92,6 +94,11 @@ struct Owner {
 }
 
 impl ViewChange {
+    /// Returns what is noted of orphans.
+    fn orphans(&self) -> &Orphans {
+        self.plan.as_ref().map_or(&self.orphans, |plan| &plan.orphans)
+    }
+
     /// Notes that a member has done all that was asked, or a part of it. Parts put off the end of the wait
     /// for a limited time only.
     fn hears(&mut self, now: Duration, all: bool) {
@@ -130,13 +137,16 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let left_over = std::mem::take(&mut self.left_over);
-        let undone = self.change.take().map_or(left_over, ViewChange::handed_over);
+        let former = self.change.take();
+        let orphans = former.as_ref().map(|change| change.orphans().clone()).unwrap_or_default();
+        let undone = former.map_or(left_over, ViewChange::handed_over);
         self.change = Some(ViewChange {
             number,
             at: common.now,
             since: common.now,
             patience: PARTS,
             survivors,
+            orphans,
             settling: BTreeMap::new(),
             settled: BTreeMap::new(),
             undone,
@@ -337,7 +347,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         let lost = |(id, life): &(BodyId, Life)| *life == Life::Live && !owners.contains_key(id);
         let lost = self.record.movable_lives().filter(lost).map(|(id, _)| id);
-        let orphans = Orphans::new(&self.record, lost);
+        let orphans = Orphans::new(&self.record, lost).since(&change.orphans);
         let tied: BTreeSet<_> = orphans.bodies().collect();
         for (id, life) in self.record.movable_lives() {
             let is_told = self.saving || tied.contains(&id);

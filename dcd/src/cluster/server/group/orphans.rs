@@ -36,6 +36,14 @@ impl Orphans {
         noted
     }
 
+    /// Goes back to what was `noted` in a change that was not completed: survivors have told of guides since.
+    pub(super) fn since(mut self, noted: &Self) -> Self {
+        for (id, known) in &mut self.known {
+            *known = noted.known.get(id).copied().unwrap_or(*known);
+        }
+        self
+    }
+
     /// Returns the bodies whose present states are asked for.
     pub(super) fn bodies(&self) -> impl Iterator<Item = BodyId> {
         self.known.keys().copied()
@@ -219,10 +227,13 @@ mod tests {
 
     /// Returns the states after survivors have told of all balls but the lost ones, as of tick 64.
     fn brought_back(record: &mut Record, lost: &[u32], told: impl Fn(u32) -> BodyRecord) -> Vec<BodyState> {
-        let orphans = Orphans::new(record, lost.iter().map(|&index| id(index)));
+        let noted = |record: &Record| Orphans::new(record, lost.iter().map(|&index| id(index)));
+        let first = noted(record);
         for index in (0..record.len() as u32).filter(|index| !lost.contains(index)) {
             record.reclaim(Tick(64), told(index));
         }
+        // Another node is lost now, and the change begins anew.
+        let orphans = noted(record).since(&first);
         orphans.bring_back(record, Tick(64), DT_S);
         (0..record.len() as u32).map(|index| record.body(id(index)).unwrap().state).collect()
     }

@@ -130,7 +130,8 @@ fn a_multibody_is_no_faster_than_the_speed_limit() {
 
 #[test]
 fn what_carries_a_multibody_goes_as_fast_as_its_program_says() {
-    let mut scene = Scene { speed_limit_m_s: 5.0, gravity: [0.0; 3], ..Scene::empty("trolley") };
+    let bounds = Bounds::around([0.0; 3], [20.0; 3]);
+    let mut scene = Scene { speed_limit_m_s: 5.0, gravity: [0.0; 3], bounds, ..Scene::empty("trolley") };
     let trolley = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 6.0);
     for (x, body) in [(0.0, trolley), (1.0, RigidBodyBuilder::dynamic().can_sleep(false))] {
         scene.push(WorldPose::at([x, 0.0, 0.0]), body, ColliderBuilder::ball(0.3));

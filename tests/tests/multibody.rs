@@ -129,28 +129,6 @@ fn a_multibody_is_no_faster_than_the_speed_limit() {
 }
 
 #[test]
-fn what_carries_a_multibody_goes_as_fast_as_its_program_says() {
-    let bounds = Bounds::around([0.0; 3], [20.0; 3]);
-    let mut scene = Scene { speed_limit_m_s: 5.0, gravity: [0.0; 3], bounds, ..Scene::empty("trolley") };
-    let trolley = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 6.0);
-    for (x, body) in [(0.0, trolley), (1.0, RigidBodyBuilder::dynamic().can_sleep(false))] {
-        scene.push(WorldPose::at([x, 0.0, 0.0]), body, ColliderBuilder::ball(0.3));
-    }
-    let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::X);
-    scene.joints.push(SceneJoint {
-        a: 0,
-        b: 1,
-        joint: hinge.into(),
-        multibody: Some(LinkSettings::default()),
-    });
-    let config = WorldConfig { step: scene.step_settings(), ..WorldConfig::for_scene(&scene) };
-    let mut world = LocalWorld::from_scene(&scene, config).unwrap();
-    (0..60).for_each(|_| world.step().unwrap());
-    let (.., pose, velocity) = world.states().next().unwrap();
-    assert!((pose.translation[0] - 6.0).abs() < 0.01 && velocity.linear[0] == 6.0, "{pose:?} {velocity:?}");
-}
-
-#[test]
 fn a_multibody_rides_over_borders_as_in_one_world_with_every_coupling() {
     let mut scene = flat("rider");
     scene.gravity = [1.6, 0.0, 0.0];

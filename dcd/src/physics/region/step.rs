@@ -60,12 +60,11 @@ impl Region {
     }
 
     /// Slows each multibody of which a link is faster than a speed, m/s, as a whole: its centre, or what is farthest
-    /// from it, by the link's spin. Rapier itself slows other bodies only. What carries a multibody keeps its speed.
+    /// from it, by the link's spin. Rapier itself slows other bodies only.
     fn slow_multibodies(&mut self, most_m_s: f32) {
         let speed = |link: &MultibodyLink| {
             let (handle, body) = (link.rigid_body_handle(), &self.world.bodies[link.rigid_body_handle()]);
-            let by_spin_m_s = body.angvel().length() * self.slot(handle).reach_m;
-            if body.is_dynamic() { body.linvel().length().max(by_spin_m_s) } else { 0.0 }
+            body.linvel().length().max(body.angvel().length() * self.slot(handle).reach_m)
         };
         let fastest = |of: &Multibody| of.links().map(speed).fold(0.0, f32::max);
         let all =
@@ -79,9 +78,6 @@ impl Region {
             multibody.generalized_velocity_mut().as_mut_slice().iter_mut().for_each(|v| *v *= by);
             for link in multibody.links() {
                 let body = &mut world.bodies[link.rigid_body_handle()];
-                if !body.is_dynamic() {
-                    continue;
-                }
                 let (linear, angular) = (body.linvel() * by, body.angvel() * by);
                 body.set_linvel(linear, false);
                 body.set_angvel(angular, false);

@@ -18,6 +18,13 @@ pub(super) const RAGDOLLS: SceneInfo = SceneInfo {
         SEED,
         number("height", "1.5", [1.0, 100.0], "m", "how high above the stairs their hips start"),
         count("multibody", "0", 0, 1, "0: impulses hold their joints; 1: each is one multibody"),
+        number(
+            "armature",
+            "0.05",
+            [0.0, 10.0],
+            "kg m²",
+            "the inertia added to each axis of a multibody's joints: without it light limbs whip",
+        ),
         SLEEP,
     ],
     build: ragdolls,
@@ -50,12 +57,14 @@ fn ragdolls(values: &Values) -> Result<Scene, SceneError> {
     let floor = [0.5 * LANDING_M as f32, 1.0, half_m as f32 + 20.0];
     scene.push_fixed_box([length_m + 0.5 * LANDING_M, -1.0, 0.0], floor, &stone);
     let mut dice = Dice::new(values.seed("seed"));
+    let armature = [values.number("armature"); 6];
+    let link = (values.count("multibody") == 1).then(|| LinkSettings { armature, ..LinkSettings::default() });
     for i in 0..count {
         let (row, column) = (i / side, i % side);
         let x = (row as f64 + 0.5) * PITCH_M;
         let stair_m = drop_m - (x / STEP_M[0]).floor() * STEP_M[1];
         let hips = [x, stair_m + height_m, (column as f64 + 0.5) * PITCH_M - half_m];
-        ragdoll(&mut scene, hips, &mut dice, (values.count("multibody") == 1).then(LinkSettings::default));
+        ragdoll(&mut scene, hips, &mut dice, link);
     }
     scene.bounds = Bounds::new([0.0, 0.0, -half_m], [length_m + LANDING_M, drop_m + height_m + 1.0, half_m]);
     Ok(scene)

@@ -264,7 +264,8 @@ impl Coupling {
         let left_behind = region.left_behind(emptied.contains(region.rank()));
         let is_held_there =
             |link: &BodyRef| !region.slot(link.handle).holders.intersection(emptied).is_empty();
-        if left_behind.is_empty() && !region.held_elsewhere().any(|link| is_held_there(&link)) {
+        let holds_there = !emptied.is_empty() && region.held_elsewhere().any(|link| is_held_there(&link));
+        if left_behind.is_empty() && !holds_there {
             return;
         }
         match self.shares_mass() {

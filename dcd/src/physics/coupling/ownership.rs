@@ -19,7 +19,8 @@
 //!
 //! This file follows the course of a tick: `survey`, then `decide`. `announce` sends what is new, `desired`
 //! finds what membership a body should have, `ready` finds when it may move, `decide_on` decides on one body,
-//! and `membership` tells the regions concerned and applies what is told.
+//! `asleep` hands over what sleeps where it should not, and `membership` tells the regions concerned and
+//! applies what is told.
 
 mod announce;
 mod asleep;

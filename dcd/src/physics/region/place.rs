@@ -11,7 +11,7 @@ use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
 use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
-/// How far outside the cell a sleeping body may lie and stay here, metres.
+/// The distance outside the cell, metres, up to which a sleeping body stays here.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
 
 /// The weight of the last tick in the mean time of a tick.

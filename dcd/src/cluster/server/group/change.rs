@@ -45,7 +45,7 @@ pub(in crate::cluster::server) struct ViewChange {
     patience: Duration,
     /// Members of the last view that are alive, including those that are leaving.
     survivors: BTreeSet<NodeId>,
-    /// What an earlier change that was not completed noted of orphans.
+    /// The notes of orphans from an earlier change that was not completed.
     orphans: Orphans,
     /// The dispatches that survivors know, as far as they have told yet.
     settling: BTreeMap<NodeId, Vec<Dispatch>>,

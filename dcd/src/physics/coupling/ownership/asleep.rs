@@ -19,7 +19,7 @@ use crate::space::{Bounds, RegionSet};
 /// The number of bodies from which on no further ones go in the same exchange: a message has a largest length.
 const MOST_GOING: usize = 4_096;
 
-/// What becomes of bodies that sleep and hang together.
+/// The fate of bodies that sleep and hang together.
 enum Fate {
     /// Most of them lie in this region.
     Stays,

@@ -35,6 +35,13 @@ fn no_body_goes_back_a_tick_with_the_members_that_are_lost_in_it() {
 }
 
 #[test]
+fn what_hangs_on_a_chain_comes_back_beside_it_though_its_guide_was_told_of_later() {
+    // The server begins anew. A member that keeps the end of the chain is lost after others have told of the rest.
+    let row = simulate(&trial(ContactScene::Chain), FaultProfile::All, 55..56, 2, &|| true);
+    assert_eq!((row.seeds, row.violations), (1, 0), "{:?}", row.failures);
+}
+
+#[test]
 fn what_touches_holds_in_bad_weather() {
     hold(&[FaultProfile::None, FaultProfile::Loss5, FaultProfile::Delay], 0..1);
 }

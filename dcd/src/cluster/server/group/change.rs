@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::Group;
 use super::agreement::{self, Division};
 use super::divisions::Divisions;
-use super::orphans::Orphans;
+use super::orphans::{Notes, Orphans};
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::cluster::server::moves::Moves;
@@ -45,8 +45,8 @@ pub(in crate::cluster::server) struct ViewChange {
     patience: Duration,
     /// Members of the last view that are alive, including those that are leaving.
     survivors: BTreeSet<NodeId>,
-    /// The notes of orphans from an earlier change that was not completed.
-    orphans: Orphans,
+    /// What the record had before survivors told anything in this change, or in those before it that were not completed.
+    notes: Notes,
     /// The dispatches that survivors know, as far as they have told yet.
     settling: BTreeMap<NodeId, Vec<Dispatch>>,
     /// The dispatches of survivors that have told all.
@@ -94,11 +94,6 @@ struct Owner {
 }
 
 impl ViewChange {
-    /// Returns what is noted of orphans.
-    fn orphans(&self) -> &Orphans {
-        self.plan.as_ref().map_or(&self.orphans, |plan| &plan.orphans)
-    }
-
     /// Notes that a member has done all that was asked, or a part of it. Parts put off the end of the wait
     /// for a limited time only.
     fn hears(&mut self, now: Duration, all: bool) {
@@ -137,8 +132,9 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let left_over = std::mem::take(&mut self.left_over);
-        let former = self.change.take();
-        let orphans = former.as_ref().map(|change| change.orphans().clone()).unwrap_or_default();
+        let mut former = self.change.take();
+        let notes = former.as_mut().map(|change| std::mem::take(&mut change.notes));
+        let notes = notes.unwrap_or_else(|| Notes::new(&self.record));
         let undone = former.map_or(left_over, ViewChange::handed_over);
         self.change = Some(ViewChange {
             number,
@@ -146,7 +142,7 @@ impl Group {
             since: common.now,
             patience: PARTS,
             survivors,
-            orphans,
+            notes,
             settling: BTreeMap::new(),
             settled: BTreeMap::new(),
             undone,
@@ -347,7 +343,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         let lost = |(id, life): &(BodyId, Life)| *life == Life::Live && !owners.contains_key(id);
         let lost = self.record.movable_lives().filter(lost).map(|(id, _)| id);
-        let orphans = Orphans::new(&self.record, lost).since(&change.orphans);
+        let orphans = Orphans::new(&self.record, &change.notes, lost);
         let tied: BTreeSet<_> = orphans.bodies().collect();
         for (id, life) in self.record.movable_lives() {
             let is_told = self.saving || tied.contains(&id);

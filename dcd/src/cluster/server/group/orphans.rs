@@ -12,6 +12,20 @@ use crate::space::{BodyId, Tick};
 
 /// The most steps from joint to joint in one view change.
 const MOST_STEPS: usize = 1_000_000;
+/// For how long the velocity of a body tells where it will be while joints hold it, seconds.
+const FORESEEN_S: f64 = 0.25;
+
+/// Notes of what the record had of bodies that joints hold, and when it heard of that.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Notes(BTreeMap<BodyId, (Tick, BodyState)>);
+
+impl Notes {
+    /// Notes what the record has of all bodies that joints hold.
+    pub(super) fn new(record: &Record) -> Self {
+        let ends = record.joints().flat_map(|joint| [joint.a, joint.b]);
+        Self(ends.filter_map(|id| Some((id, known(record, id)?))).collect())
+    }
+}
 
 /// The orphans of a view change, which no survivor owns and joints hold, with what these tie them to.
 #[derive(Clone, Debug, Default)]
@@ -22,26 +36,19 @@ pub(super) struct Orphans {
 }
 
 impl Orphans {
-    /// Notes what the record has of those of these bodies that joints hold.
-    pub(super) fn new(record: &Record, ids: impl Iterator<Item = BodyId>) -> Self {
-        let mut noted = Self::default();
+    /// Finds those of these bodies that joints hold. What was `noted` of them and of what they are tied to counts more
+    /// than what the record has by now: survivors may have told of one end of a joint and not of the other.
+    pub(super) fn new(record: &Record, notes: &Notes, ids: impl Iterator<Item = BodyId>) -> Self {
+        let mut found = Self::default();
         for id in ids {
             for end in record.joints_of(id).flat_map(|joint| [joint.a, joint.b]) {
-                if let (Some(tick), Some(body)) = (record.told_at(end), record.body(end)) {
-                    noted.known.insert(end, (tick, body.state));
-                    noted.orphans.insert(id);
+                if let Some(known) = notes.0.get(&end).copied().or_else(|| known(record, end)) {
+                    found.known.insert(end, known);
+                    found.orphans.insert(id);
                 }
             }
         }
-        noted
-    }
-
-    /// Goes back to what was `noted` in a change that was not completed: survivors have told of guides since.
-    pub(super) fn since(mut self, noted: &Self) -> Self {
-        for (id, known) in &mut self.known {
-            *known = noted.known.get(id).copied().unwrap_or(*known);
-        }
-        self
+        found
     }
 
     /// Returns the bodies whose present states are asked for.
@@ -84,6 +91,11 @@ impl Orphans {
     }
 }
 
+/// Returns what a record has of a body, and when it heard of that.
+fn known(record: &Record, id: BodyId) -> Option<(Tick, BodyState)> {
+    Some((record.told_at(id)?, record.body(id)?.state))
+}
+
 /// Where a body is, metres and a rotation, and how it moves, m/s and rad/s.
 struct Motion {
     pose: Isometry3<f64>,
@@ -92,10 +104,11 @@ struct Motion {
 }
 
 impl Motion {
-    /// Returns the motion that a body of this state has some seconds later if nothing pushes it.
+    /// Returns the motion that a body of this state has some seconds later if nothing pushes it, as far as that tells
+    /// anything.
     fn of(state: &BodyState, later_s: f64) -> Self {
         Self {
-            pose: state.pose.moved(&state.velocity, later_s).isometry(),
+            pose: state.pose.moved(&state.velocity, later_s.min(FORESEEN_S)).isometry(),
             linear: vector(state.velocity.linear),
             angular: vector(state.velocity.angular),
         }
@@ -124,16 +137,22 @@ fn tied(
     let turn = turn(joint.locked_axes, [&was, &is].map(|of| of.pose * frame), own_was.pose * own_frame);
     let end = |of: &Motion, frame: &Isometry3<f64>| of.pose * Point3::from(frame.translation.vector);
     let (old, old_own) = (end(&was, &frame), end(&own_was, &own_frame));
-    // Both ends lie beside each other as they did, and move past each other as they did.
-    let new_own = end(&is, &frame) + turn * (old_own - old);
-    let slides = own_was.velocity_at(old_own) - was.velocity_at(old_own);
+    // Along the axes that the joint leaves free, both ends lie beside each other and move past each other as they did.
+    let along_free = |by: Vector3<f64>| {
+        let axes = is.pose.rotation * frame.rotation;
+        let mut along = axes.inverse() * by;
+        (0..3).filter(|axis| joint.locked_axes & (1 << axis) != 0).for_each(|axis| along[axis] = 0.0);
+        axes * along
+    };
+    let new_own = end(&is, &frame) + along_free(turn * (old_own - old));
+    let slides = along_free(turn * (own_was.velocity_at(old_own) - was.velocity_at(old_own)));
     let turns_along = joint.locked_axes >> 3 != 0;
     let [angular_was, angular_is] =
         [&was, &is].map(|of| if turns_along { of.angular } else { Vector3::zeros() });
     let angular = angular_is + turn * (own_was.angular - angular_was);
     let rotation = turn * own_was.pose.rotation;
     let arm = -(rotation * own_frame.translation.vector);
-    let linear = is.velocity_at(new_own) + turn * slides + angular.cross(&arm);
+    let linear = is.velocity_at(new_own) + slides + angular.cross(&arm);
     BodyState {
         pose: Isometry3::from_parts((new_own.coords + arm).into(), rotation).into(),
         velocity: Velocity {
@@ -227,13 +246,11 @@ mod tests {
 
     /// Returns the states after survivors have told of all balls but the lost ones, as of tick 64.
     fn brought_back(record: &mut Record, lost: &[u32], told: impl Fn(u32) -> BodyRecord) -> Vec<BodyState> {
-        let noted = |record: &Record| Orphans::new(record, lost.iter().map(|&index| id(index)));
-        let first = noted(record);
+        let notes = Notes::new(record);
         for index in (0..record.len() as u32).filter(|index| !lost.contains(index)) {
             record.reclaim(Tick(64), told(index));
         }
-        // Another node is lost now, and the change begins anew.
-        let orphans = noted(record).since(&first);
+        let orphans = Orphans::new(record, &notes, lost.iter().map(|&index| id(index)));
         orphans.bring_back(record, Tick(64), DT_S);
         (0..record.len() as u32).map(|index| record.body(id(index)).unwrap().state).collect()
     }
@@ -300,6 +317,44 @@ mod tests {
         record.freshen(Tick(4), turned(1, 4.0 * DT_S));
         let states = brought_back(&mut record, &[1], |index| turned(index, 2.0));
         assert_near(&states[1], &turned(1, 2.0).state, 1e-5);
+    }
+
+    #[test]
+    fn what_was_told_of_long_before_its_guide_comes_back_at_the_joint() {
+        for axes in [JointAxesMask::LOCKED_SPHERICAL_AXES, JointAxesMask::LOCKED_FIXED_AXES] {
+            let mut record = row(3, axes);
+            // The guide was told of three quarters of a second after the others.
+            record.freshen(Tick(48), turned(0, 0.7));
+            let states = brought_back(&mut record, &[1, 2], |index| turned(index, 2.0));
+            for (guide, own) in states.iter().zip(&states[1..]) {
+                let end = |state: &BodyState, x| state.pose.isometry() * Point3::new(x, 0.0, 0.0);
+                let gap_m = (end(guide, 0.5) - end(own, -0.5)).norm();
+                assert!(gap_m < 1e-6, "{gap_m}");
+                let faster = vector(own.velocity.linear).norm();
+                assert!(faster < 4.0, "{faster}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_slides_on_a_rail_keeps_its_place_on_it() {
+        // What the joint let the cart stray across the rail is gone. Its velocity along the rail tells nothing of a
+        // second later.
+        for (told, speed, along) in [(0, 0.0, 1.3), (16, 2.0, 1.8), (48, 2.0, 1.8)] {
+            let mut record = row(2, JointAxesMask::LOCKED_PRISMATIC_AXES);
+            let mut bodies = [turned(0, 0.0), turned(1, 0.0)];
+            bodies.iter_mut().for_each(|body| body.state.velocity = Velocity::default());
+            bodies[1].state.pose.translation = [1.3, 0.2, 0.0];
+            bodies[1].state.velocity.linear = [speed, 0.0, 0.0];
+            for (body, tick) in bodies.into_iter().zip([told, 0]) {
+                record.freshen(Tick(tick), body);
+            }
+            let states = brought_back(&mut record, &[1], |index| turned(index, 2.0));
+            let (sin, cos) = 2.0_f64.sin_cos();
+            let expected = Vector3::new(along * cos, 0.0, -along * sin);
+            let found = states[1].pose.isometry().translation.vector;
+            assert!((found - expected).norm() < 1e-5, "{found:?}, not {expected:?}");
+        }
     }
 
     #[test]

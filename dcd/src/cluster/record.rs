@@ -193,13 +193,14 @@ impl Record {
         self.take_marks();
     }
 
-    /// Returns what has changed since the last call, as writes: lives of bodies, shapes and joints or, if
-    /// `soft`, states of bodies that moved.
-    pub(super) fn take_changes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
-        if soft {
-            let moved = std::mem::take(&mut self.changes.states);
-            return moved.into_iter().map(|id| self.stored(id)).collect();
-        }
+    /// Returns the states of bodies that moved since the last call, as writes.
+    pub(super) fn take_states(&mut self) -> Vec<(Key, Option<Vec<u8>>)> {
+        let moved = std::mem::take(&mut self.changes.states);
+        moved.into_iter().map(|id| self.stored(id)).collect()
+    }
+
+    /// Returns what else has changed since the last call, as writes: lives of bodies, shapes and joints.
+    pub(super) fn take_changes(&mut self) -> Vec<(Key, Option<Vec<u8>>)> {
         let states = std::mem::take(&mut self.changes.states);
         let Changes { lives, shapes, joints, .. } =
             std::mem::replace(&mut self.changes, Changes { states, ..Changes::default() });

@@ -162,7 +162,9 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
 }
 
 /// Returns the motion of a link at rest from the poses of its two bodies, for a joint of which no more is
-/// recorded. Poses do not tell whole turns: a hinge is taken to be within its limits if it can be.
+/// recorded. Poses do not tell whole turns: a hinge is taken to be within its limits if it can be. Nor do they tell
+/// the sum of all small turns of a ball joint, by which its limits go: that is taken to be within them. Otherwise
+/// Rapier would turn it back by as much in one step.
 fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's position, so that f32 is exact enough.
     let anchor = a.translation;
@@ -172,9 +174,14 @@ fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMot
     coordinates[..3].copy_from_slice(&between.translation.to_array());
     coordinates[3..].copy_from_slice(&between.rotation.to_scaled_axis().to_array());
     let turning = JointAxesMask::ANG_AXES.difference(joint.locked_axes);
-    if turning.bits().count_ones() == 1 && joint.limit_axes.contains(turning) {
-        let axis = turning.bits().trailing_zeros() as usize;
-        coordinates[axis] = nearest_turn(coordinates[axis], &joint.limits[axis]);
+    let limited = |axis: &usize| joint.limit_axes.intersection(turning).bits() & (1 << axis) != 0;
+    for axis in (3..6).filter(limited) {
+        let (turned, limits) = (coordinates[axis], &joint.limits[axis]);
+        coordinates[axis] = match turning.bits().count_ones() {
+            1 => nearest_turn(turned, limits),
+            // Not by `clamp`, which refuses a least that is above the most.
+            _ => turned.min(limits.max).max(limits.min),
+        };
     }
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }
 }
@@ -269,6 +276,24 @@ mod tests {
             assert!(near(found(angle, limits), angle), "{angle}: {}", found(angle, limits));
         }
         assert!(near(found(2.0, [-1.0, 0.5]), 2.0), "what is beyond them by less stays so");
+    }
+
+    #[test]
+    fn a_ball_joint_is_taken_to_be_within_its_limits_and_points_where_it_does() {
+        let ball = SphericalJointBuilder::new()
+            .limits(JointAxis::AngX, [-0.4, 0.4])
+            .limits(JointAxis::AngZ, [-0.1, 2.0])
+            .build();
+        let ball = GenericJoint::from(ball);
+        let at = WorldPose::at([0.0; 3]);
+        let rotation = Rotation::from_scaled_axis(Vector::new(0.9, -1.0, 0.3));
+        let motion = motion_between(&ball, &at, &WorldPose { rotation: rotation.to_array(), ..at });
+        let mut joint = MultibodyJoint::new(ball, false);
+        displacements(&joint, &motion).iter().for_each(|way| joint.apply_displacement(way));
+        let found: [f32; 3] = std::array::from_fn(|axis| joint.coords()[3 + axis]);
+        let off = std::iter::zip(found, [0.4, -1.0, 0.3]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-4, "{found:?}");
+        assert!(joint.joint_rot().angle_between(rotation) < 2e-3);
     }
 
     #[test]

@@ -291,11 +291,17 @@ impl Server {
         let others = self.groups.values_mut().filter(|group| group.id != main);
         others.for_each(|group| group.record.forget_changes());
         let Group { record, retold, .. } = self.main_mut();
-        writes.extend(record.take_changes(false));
+        let before = writes.len();
+        writes.extend(record.take_changes());
+        let changes_bodies = writes.len() > before;
         writes.extend(retold.take_writes(false));
         let durable = writes.len() > usize::from(tick_alone);
+        // What is written of a body is its newest state, and so are all others' then: beside older ones, bodies would come
+        // back inside one another, and joints torn.
+        if soft || changes_bodies {
+            writes.extend(record.take_states());
+        }
         if soft {
-            writes.extend(record.take_changes(true));
             writes.extend(retold.take_writes(true));
         }
         if !writes.is_empty() {

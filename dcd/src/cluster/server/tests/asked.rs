@@ -521,6 +521,34 @@ fn a_kinematic_body_has_the_velocity_on_record_that_it_was_given_last_whoever_di
 }
 
 #[test]
+fn what_is_written_down_is_of_one_time() {
+    let (mut server, mut stored) = (server(), Stored::new());
+    let from_node = |message| ServerEvent::Message { from: Peer::Node(NodeId(1)), message };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None, heard: 0 };
+    handled(&mut server, from_node(Message::Hello(Hello { version: VERSION, role })), &mut stored);
+    handled(&mut server, from_node(Message::ToServer(ToServer::Loaded)), &mut stored);
+    let view = server.view().expect("it has begun").number;
+    let checkpoints = (0..3).map(|index| {
+        let body = server.record().body(BodyId::persistent(index)).unwrap();
+        let state = BodyState { pose: WorldPose::at([f64::from(index), 5.0, 1.0]), ..body.state };
+        BodyCheckpoint { id: body.id, region: RegionId(1), epoch: body.epoch, state }
+    });
+    let bodies = checkpoints.collect();
+    let told = ToServer::Checkpoint { view, tick: Tick(9), division: 0, bodies };
+    handled(&mut server, from_node(Message::ToServer(told)), &mut stored);
+    // One of them is altered long before states alone would be written.
+    let body = server.record().body(BodyId::persistent(1)).unwrap();
+    let (body, traits, user_data) = (body.id, body.traits.clone(), 7);
+    let alteration = Alteration::Body { body, traits, user_data, wakes: false };
+    handled(&mut server, ServerEvent::Program(vec![BuildOp::Alter(alteration)]), &mut stored);
+    let again = restarted(stored);
+    let heights = [0, 1, 2]
+        .map(|index| again.record().body(BodyId::persistent(index)).unwrap().state.pose.translation[1]);
+    assert_eq!(heights, [5.0; 3]);
+    assert_eq!(again.record().body(BodyId::persistent(1)).unwrap().user_data, 7);
+}
+
+#[test]
 fn when_the_last_node_goes_the_record_moves_as_its_leader_was_to_pass_on() {
     let body = BodyId::persistent(0);
     let mut server = server();

@@ -281,7 +281,7 @@ fn joints_of_a_body_are_found_and_go_with_it_whatever_became_of_others() {
     let (mut again, _): (Record, _) = bincode::decode_from_slice(&bytes, config).unwrap();
     again.forget_changes();
     again.remove(BodyId::persistent(0));
-    let written = again.take_changes(false).into_iter().map(|(key, value)| (key, value.is_some()));
+    let written = again.take_changes().into_iter().map(|(key, value)| (key, value.is_some()));
     let expected = [Key::Body(BodyId::persistent(0)), Key::Joint(JointId(2)), Key::Joint(JointId(3))];
     assert!(written.eq(expected.map(|key| (key, false))));
     assert_eq!([1, 2, 3].map(|body| of(&again, body)), [vec![1], vec![1], vec![]]);

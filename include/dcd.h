@@ -4203,7 +4203,10 @@ DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
 // loses what it held. Threads and shapes stay those of this world. All else is as saved, gravity and regions too.
 //
 // - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. If
-//   the snapshot is of another world, other bodies may have them: then forget all ids. Ids that are given later are new. dcd_body_at finds bodies by number.
+//   the snapshot is of another world, other bodies may have them: then forget all ids. dcd_body_at finds bodies by number.
+// - Later ids. Ids that are given later are new. Where something was made since the save, what is made now gets other ids than it
+//   got then. A world of several regions then goes on to other bits, since how contacts are found again at a border depends on ids.
+//   To go back and on to the same bits whatever was made, use dcd_checkpoint_create.
 // - Views. dcd_state_view and dcd_events are as after the last step before saving, except for the user_data of bodies that were
 //   destroyed, which is 0.
 // - Server. Its world goes on with the bodies and joints of the snapshot, for all nodes and clients. Its ticks and regions go on,

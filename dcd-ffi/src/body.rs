@@ -31,7 +31,7 @@ pub unsafe extern "C" fn dcd_body_create(
     out: *mut DcdBodyId,
 ) -> DcdStatus {
     // SAFETY: the caller upholds the same contract.
-    guard("dcd_body_create", || unsafe { create(world, def, 1, out) })
+    guard("dcd_body_create", || unsafe { create(world, (def, "def"), 1, out) })
 }
 
 /// Creates `count` bodies, all or none. `defs` and `out` have `count` entries; `defs` is read during the call. Bodies are in the
@@ -56,24 +56,24 @@ pub unsafe extern "C" fn dcd_bodies_create(
     out: *mut DcdBodyId,
 ) -> DcdStatus {
     // SAFETY: the caller upholds the same contract.
-    guard("dcd_bodies_create", || unsafe { create(world, defs, count, out) })
+    guard("dcd_bodies_create", || unsafe { create(world, (defs, "defs"), count, out) })
 }
 
 /// # Safety
 /// `defs` and `out` are null or have `count` entries.
 unsafe fn create(
     world: DcdWorld,
-    defs: *const DcdBodyDef,
+    (defs, name): (*const DcdBodyDef, &'static str),
     count: usize,
     out: *mut DcdBodyId,
 ) -> Result<(), Failure> {
     if count > 0 {
         // SAFETY: there is at least one entry. Its size is checked before the others are looked for behind it.
-        unsafe { pointer::read_sized(defs, "def")? };
+        unsafe { pointer::read_sized(defs, name)? };
         pointer::check(out, "out")?;
     }
     // SAFETY: the caller vouches for `count` entries.
-    let defs = unsafe { pointer::slice(defs, count, "defs")? };
+    let defs = unsafe { pointer::slice(defs, count, name)? };
     with(world, |world| {
         if let [def] = defs {
             let known = check(world, def)?;

@@ -101,6 +101,40 @@ fn a_character_on_level_ground_is_never_stopped() {
 }
 
 #[test]
+fn a_box_that_stands_does_not_sink_into_large_ground() {
+    let mut world = World::new(WorldConfig::default()).unwrap();
+    block(&mut world, [0.0, -0.5, 0.0], [60.0, 0.5, 60.0]);
+    let (body, at) = (RigidBodyBuilder::kinematic_velocity_based(), WorldPose::at([-8.0, 1.0, -8.0]));
+    let shape = ColliderBuilder::cuboid(0.3, 0.9, 0.3);
+    let id = world.insert_character(at, &Character::default(), body, [shape]).unwrap();
+    for tick in 0..300 {
+        run(&mut world, 1);
+        let height = place(&world, id)[1];
+        assert!(height > 0.899, "{} m deep in tick {tick}", 0.9 - height);
+    }
+}
+
+#[test]
+fn of_two_that_walk_against_each_other_neither_pushes_the_other() {
+    for first in [-1.0, 1.0] {
+        let mut world = World::new(WorldConfig::default()).unwrap();
+        block(&mut world, [0.0, -0.5, 0.0], [20.0, 0.5, 20.0]);
+        let ids = [first, -first].map(|side: f64| {
+            let (body, at) =
+                (RigidBodyBuilder::kinematic_velocity_based(), WorldPose::at([2.0 * side, 0.95, 0.0]));
+            let shape = ColliderBuilder::cuboid(0.3, 0.9, 0.3);
+            let id = world.insert_character(at, &Character::default(), body, [shape]).unwrap();
+            go(&mut world, id, [-2.0 * side as f32, 0.0, 0.0]);
+            id
+        });
+        run(&mut world, 180);
+        let [a, b] = ids.map(|id| place(&world, id)[0]);
+        assert!((a + b).abs() < 0.1, "{a} and {b} m, the first from {first}");
+        assert!((a - b).abs() > 0.55, "{a} and {b} m: one is in the other");
+    }
+}
+
+#[test]
 fn it_falls_onto_a_half_space_as_onto_a_box_and_walks_there() {
     let half_space = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
     let slab = ColliderBuilder::cuboid(40.0, 0.5, 40.0).translation(Vector::new(0.0, -0.5, 0.0));

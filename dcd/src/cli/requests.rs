@@ -14,6 +14,8 @@ use crate::space::NodeId;
 
 /// The most time for a server: it gives up nodes that hang within seconds, and writes large files.
 const WAIT: Duration = Duration::from_secs(120);
+/// The most time until a server takes a request. It may be busy with another one.
+const TAKE: Duration = Duration::from_secs(20);
 /// The interval at which the asker looks for the answer.
 const LOOK: Duration = Duration::from_millis(20);
 /// The interval at which the asker looks whether the server still runs.
@@ -98,7 +100,7 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
     }
     let asked = Asked::write(data, verb, about)?;
     let (request, answer) = (&asked.request, &asked.answer);
-    let (deadline, mut looked) = (Instant::now() + WAIT, Instant::now());
+    let (begun, mut looked) = (Instant::now(), Instant::now());
     loop {
         if let Ok(said) = fs::read_to_string(answer) {
             return match said.split_once('\n') {
@@ -115,14 +117,18 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
                 return Err(Failure::run(format!("the server of {shown} has stopped before it was done")));
             }
         }
-        if Instant::now() >= deadline {
-            return Err(Failure::run(match request.exists() {
-                false => format!("the server of {shown} has not said that it is done; see its log"),
-                true => format!(
-                    "the server of {shown} does not hear: it hangs, or is no `dcd serve` (a program saves its world itself, by \
-                     World::save_file or dcd_snapshot_save_file)"
-                ),
-            }));
+        let is_untaken = request.exists();
+        if is_untaken && begun.elapsed() >= TAKE {
+            return Err(Failure::run(format!(
+                "the server of {shown} does not hear of `dcd {}`: it hangs, is busy with another request, or is no `dcd serve` (a program's \
+                 server obeys `dcd end` alone; it saves its world by World::save_file or dcd_snapshot_save_file)",
+                verb.name()
+            )));
+        }
+        if begun.elapsed() >= WAIT {
+            return Err(Failure::run(format!(
+                "the server of {shown} has not said that it is done; see its log"
+            )));
         }
         std::thread::sleep(LOOK);
     }

@@ -16,7 +16,7 @@ use super::requests;
 use super::run::snapshot;
 use super::scenes;
 use super::summary::{Served, Summary};
-use super::values::{SERVER, address, duration, positive, share, speed, unused};
+use super::values::{SERVER, address, duration, positive, share, shell_word, speed, unused};
 use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
@@ -244,7 +244,7 @@ impl Serve {
             (None, 1) => "a node".to_owned(),
             (None, nodes) => format!("{nodes} nodes"),
         };
-        let (address, data) = (server.address, self.data.display());
+        let (address, data) = (server.address, shell_word(&self.data));
         common.say(&if address.ip().is_unspecified() {
             let port = address.port();
             format!(

@@ -109,6 +109,16 @@ pub(super) fn is_used(data: &Path) -> Result<bool, Failure> {
     is_there(&data.join("authority.pem")).map_err(|error| of_folder(&error))
 }
 
+/// Returns a path as a shell reads it, in quotes where it needs them.
+pub(super) fn shell_word(path: &Path) -> String {
+    let path = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "_./-+,:@%=".contains(c);
+    match path.chars().all(is_plain) && !path.is_empty() {
+        true => path,
+        false => format!("'{}'", path.replace('\'', r"'\''")),
+    }
+}
+
 /// Returns the failure of a command whose data folder cannot be used: it may be another user's.
 pub(super) fn of_folder(error: &DirectoryError) -> Failure {
     Failure::usage(format!("{error}; {AS_SERVERS_USER}"))
@@ -136,6 +146,12 @@ pub(super) fn unused(path: &Path) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_path_that_a_shell_would_read_otherwise_is_quoted() {
+        let words = ["/var/lib/dcd", "my data", "it's", "ö", "$(x)"].map(|path| shell_word(Path::new(path)));
+        assert_eq!(words, ["/var/lib/dcd", "'my data'", r"'it'\''s'", "ö", "'$(x)'"]);
+    }
 
     #[test]
     fn times_have_a_unit() {

@@ -73,6 +73,10 @@ impl World {
     /// this world's threads and hooks. Ids that this world has given are not given again. After an error
     /// nothing has changed.
     ///
+    /// Where something was made since the save, what is made now gets other ids than it got then. A world of
+    /// several regions then goes on to other bits, since how contacts are found again at a border depends on
+    /// ids. [`World::checkpoint`] gives the same ids again.
+    ///
     /// A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients, and
     /// its ticks go on. What the program did since its last step is dropped. Avatars belong to their clients:
     /// those that are in both worlds go where they were, and none comes or goes.

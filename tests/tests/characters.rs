@@ -111,6 +111,7 @@ fn a_box_that_stands_does_not_sink_into_large_ground() {
         run(&mut world, 1);
         let height = place(&world, id)[1];
         assert!(height > 0.899, "{} m deep in tick {tick}", 0.9 - height);
+        assert!(tick < 60 || height < 0.93, "{} m up in tick {tick}", height - 0.9);
     }
 }
 
@@ -131,6 +132,37 @@ fn of_two_that_walk_against_each_other_neither_pushes_the_other() {
         let [a, b] = ids.map(|id| place(&world, id)[0]);
         assert!((a + b).abs() < 0.1, "{a} and {b} m, the first from {first}");
         assert!((a - b).abs() > 0.55, "{a} and {b} m: one is in the other");
+        assert!((a - b).abs() < 0.7, "{a} and {b} m: they have not met");
+    }
+}
+
+#[test]
+fn what_is_shoved_against_a_wall_or_another_goes_into_neither() {
+    for side in [-1.0, 1.0] {
+        let mut world = World::new(WorldConfig::default()).unwrap();
+        block(&mut world, [0.0, -0.5, 0.0], [20.0, 0.5, 20.0]);
+        block(&mut world, [4.5 * side, 2.0, 0.0], [0.5, 2.0, 9.0]);
+        let pusher = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 1.5 * side as f32);
+        let shape = ColliderBuilder::cuboid(0.3, 0.9, 0.3);
+        world
+            .insert_at(WorldPose::at([0.0, 1.2, 0.0]), pusher, [ColliderBuilder::cuboid(0.5, 1.0, 2.0)])
+            .unwrap();
+        let ids = [1.2, 2.2].map(|x| {
+            let body = RigidBodyBuilder::kinematic_velocity_based();
+            let at = WorldPose::at([x * side, 0.95, 0.0]);
+            world.insert_character(at, &Character::default(), body, [shape.clone()]).unwrap()
+        });
+        // Long enough to shove both on, and later to press the outer one to the wall.
+        let mut least = f64::INFINITY;
+        for tick in 0..200 {
+            run(&mut world, 1);
+            let [inner, outer] = ids.map(|id| place(&world, id)[0] * side);
+            if tick < 60 {
+                least = least.min(outer - inner - 0.6);
+            }
+            assert!(outer < 4.0 - 0.3 + 1e-3, "it is at {outer} m in tick {tick}, in the wall");
+        }
+        assert!(least > -0.05, "the shoved one is {} m in the other", -least);
     }
 }
 

@@ -15,7 +15,7 @@ use crate::space::NodeId;
 /// The most time for a server: it gives up nodes that hang within seconds, and writes large files.
 const WAIT: Duration = Duration::from_secs(120);
 /// The most time until a server takes a request. It may be busy with another one.
-const TAKE: Duration = Duration::from_secs(20);
+const TAKE: Duration = Duration::from_secs(30);
 /// The interval at which the asker looks for the answer.
 const LOOK: Duration = Duration::from_millis(20);
 /// The interval at which the asker looks whether the server still runs.
@@ -117,8 +117,8 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
                 return Err(Failure::run(format!("the server of {shown} has stopped before it was done")));
             }
         }
-        let is_untaken = request.exists();
-        if is_untaken && begun.elapsed() >= TAKE {
+        // Who removes the request first has it: from then on the server does not do it.
+        if begun.elapsed() >= TAKE && fs::remove_file(request).is_ok() {
             return Err(Failure::run(format!(
                 "the server of {shown} does not hear of `dcd {}`: it hangs, is busy with another request, or is no `dcd serve` (a program's \
                  server obeys `dcd end` alone; it saves its world by World::save_file or dcd_snapshot_save_file)",
@@ -215,7 +215,9 @@ fn done(request: &Path, server: &ServerProcess) -> Option<String> {
     if read.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
         return None;
     }
-    let _ = fs::remove_file(request);
+    if fs::remove_file(request).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+        return None;
+    }
     let said = match read.as_ref().map(|text| text.split_once('\n')) {
         Ok(Some((verb, about))) => carry_out(verb, about, server),
         Ok(None) => Err((FAILED, "the request is no request of dcd".to_owned())),

@@ -34,7 +34,7 @@ pub(super) struct CutArgs {
     #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
     depth: Option<u32>,
     /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any
-    /// island; 256 for a scene by `dcd serve`; at most 16 to 256 for a balanced world of `dcd run`]
+    /// island; 256 for a scene by `dcd serve`; at most 128 to 256 for a balanced world of `dcd run`]
     #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
     /// The disagreement of copies that `auto` tolerates, in metres per second [default: 0.03]

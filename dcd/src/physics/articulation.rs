@@ -180,7 +180,8 @@ fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMot
         coordinates[axis] = match turning.bits().count_ones() {
             1 => nearest_turn(turned, limits),
             // Not by `clamp`, which refuses a least that is above the most.
-            _ => turned.min(limits.max).max(limits.min),
+            3 => turned.min(limits.max).max(limits.min),
+            _ => turned,
         };
     }
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }

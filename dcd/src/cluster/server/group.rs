@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use self::change::ViewChange;
 use self::divisions::Divisions;
+use self::orphans::Notes;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use super::postponed::Postponed;
@@ -46,6 +47,9 @@ pub(super) struct Group {
     /// Operations that the leader had handed over when the group fell silent in a view change. They are for
     /// the nodes that take over.
     pub left_over: Vec<WorldOp>,
+    /// What the record had of jointed bodies before survivors told of them in view changes that were not
+    /// completed.
+    pub notes: Notes,
     divisions: Divisions,
     /// Members that have reported all that they know of the world's last tick.
     pub at_last_tick: BTreeSet<NodeId>,
@@ -99,6 +103,7 @@ impl Group {
             former: None,
             change: None,
             left_over: Vec::new(),
+            notes: Notes::default(),
             divisions: Divisions::default(),
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),

@@ -141,6 +141,7 @@ impl Server {
             group.unsure = true;
             // The members went on as before, and have done what their leader was to hand over.
             group.left_over.clear();
+            group.notes = Default::default();
             // The leader hands these over in the change that follows, unless it has done them.
             if group.leads(node) {
                 group.say_again(&mut self.common, heard);

@@ -243,7 +243,7 @@ impl Region {
                         met.push(Met { collider: hit.handle, point, normal });
                     }
                 });
-            moved.translation = self.kept_out(&queries, part.shape(), &place, moved.translation, dt_s);
+            self.keep_out(&queries, part.shape(), &place, &mut moved, &mut met, dt_s);
             (moved, met)
         };
         let (mut moved, mut met) = go(level_m_s + up * asked_m_s);
@@ -282,19 +282,22 @@ impl Region {
         Some(Walk { velocity: moved.translation / dt_s, force_m_s, weight_m_s, rise_m_s, grounded, met })
     }
 
-    /// Returns a character's way in a tick without that which brings it into what does not give way. Parry's casts may
-    /// miss the faces of large boxes by centimetres (seen with 0.31).
-    fn kept_out(
+    /// Takes from a character's way what leads into bodies that do not give way, and adds what it meets there. Parry's casts
+    /// may miss the faces of large boxes by centimetres (seen with 0.31). It takes away only: whatever presses on the
+    /// character drives it into nothing else.
+    fn keep_out(
         &self,
         queries: &QueryPipeline<'_>,
         shape: &dyn Shape,
         place: &Pose,
-        way: Vector,
+        moved: &mut EffectiveCharacterMovement,
+        met: &mut Vec<Met>,
         dt_s: f32,
-    ) -> Vector {
-        let there = Pose::from_parts(place.translation + way, place.rotation);
-        let mut kept = way;
-        for (_, other) in queries.intersect_aabb_conservative(shape.compute_aabb(&there)) {
+    ) {
+        let there =
+            shape.compute_aabb(&Pose::from_parts(place.translation + moved.translation, place.rotation));
+        let mut near = Vec::new();
+        for (handle, other) in queries.intersect_aabb_conservative(there) {
             let parent = other.parent();
             let body = parent.and_then(|parent| self.world.bodies.get(parent));
             if body.is_some_and(RigidBody::is_dynamic)
@@ -303,15 +306,37 @@ impl Region {
                 continue;
             }
             // It moves in the tick, too.
-            let moves = body.map_or(Vector::ZERO, |body| body.velocity_at_point(place.translation) * dt_s);
-            let relative = Pose::from_parts(place.translation + kept - moves, place.rotation);
+            near.push((
+                handle,
+                other,
+                body.map_or(Vector::ZERO, |body| body.velocity_at_point(place.translation) * dt_s),
+            ));
+        }
+        near.sort_unstable_by_key(|(handle, ..)| handle.into_raw_parts());
+        for (collider, other, moves) in near {
+            let relative = Pose::from_parts(place.translation + moved.translation - moves, place.rotation);
             let apart = relative.inv_mul(other.position());
-            if let Ok(Some(contact)) = queries.dispatcher.contact(&apart, shape, other.shape(), 0.0) {
-                let normal = -(place.rotation * contact.normal1);
-                kept += normal * (-contact.dist).min(-(kept - moves).dot(normal)).max(0.0);
+            let contact = queries.dispatcher.contact(&apart, shape, other.shape(), 0.0);
+            let Ok(Some(contact)) = contact else { continue };
+            let normal = -(place.rotation * contact.normal1);
+            let into_m = (-contact.dist).min(-moved.translation.dot(normal));
+            if into_m > 0.0 {
+                moved.translation += normal * into_m;
+                let one = Met { collider, point: relative * contact.point1 + moves, normal };
+                moved.grounded |= self.stands_on(&one);
+                if met.iter().all(|met| met.collider != collider) {
+                    met.push(one);
+                }
             }
         }
-        kept
+    }
+
+    /// Returns the part of the velocity along a normal that a character has by walking: it shoves no other one by that, but
+    /// stops at it. Of two that walk against each other, the one that walks first in the tick would push the other back.
+    fn walks(&self, handle: RigidBodyHandle, normal: Vector) -> Vector {
+        let gait =
+            self.slot_at(handle).and_then(|slot| self.characters.get(&slot.id)).map(|walking| walking.gait);
+        gait.map_or(Vector::ZERO, |gait| normal * convert::vector(gait.wanted).dot(normal).max(0.0))
     }
 
     fn is_character(&self, handle: RigidBodyHandle) -> bool {
@@ -344,10 +369,8 @@ impl Region {
             // Dynamic bodies give way.
             if body.is_none_or(|body| !body.is_dynamic()) {
                 let overlap_m = (-contact.dist).clamp(0.0, gap_m);
-                // A character stops at another one. Of two that walk against each other, the one that walks first in the
-                // tick would push the other back.
-                let is_character = other.parent().is_some_and(|parent| self.is_character(parent));
-                let velocity = if is_character { Vector::ZERO } else { velocity };
+                let walks = other.parent().map_or(Vector::ZERO, |parent| self.walks(parent, normal));
+                let velocity = velocity - walks.clamp_length_max(velocity.dot(normal).max(0.0));
                 around.pressing.push(Pressing { normal, velocity, overlap_m });
             }
         }

@@ -45,8 +45,6 @@ pub(in crate::cluster::server) struct ViewChange {
     patience: Duration,
     /// Members of the last view that are alive, including those that are leaving.
     survivors: BTreeSet<NodeId>,
-    /// What the record had before survivors told anything in this change, or in those before it that were not completed.
-    notes: Notes,
     /// The dispatches that survivors know, as far as they have told yet.
     settling: BTreeMap<NodeId, Vec<Dispatch>>,
     /// The dispatches of survivors that have told all.
@@ -132,9 +130,7 @@ impl Group {
             common.send_node(node, ToNode::Settle { view: number });
         }
         let left_over = std::mem::take(&mut self.left_over);
-        let mut former = self.change.take();
-        let notes = former.as_mut().map(|change| std::mem::take(&mut change.notes));
-        let notes = notes.unwrap_or_else(|| Notes::new(&self.record));
+        let former = self.change.take();
         let undone = former.map_or(left_over, ViewChange::handed_over);
         self.change = Some(ViewChange {
             number,
@@ -142,7 +138,6 @@ impl Group {
             since: common.now,
             patience: PARTS,
             survivors,
-            notes,
             settling: BTreeMap::new(),
             settled: BTreeMap::new(),
             undone,
@@ -343,7 +338,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         let lost = |(id, life): &(BodyId, Life)| *life == Life::Live && !owners.contains_key(id);
         let lost = self.record.movable_lives().filter(lost).map(|(id, _)| id);
-        let orphans = Orphans::new(&self.record, &change.notes, lost);
+        let orphans = Orphans::new(&self.record, &self.notes, lost);
         let tied: BTreeSet<_> = orphans.bodies().collect();
         for (id, life) in self.record.movable_lives() {
             let is_told = self.saving || tied.contains(&id);
@@ -363,6 +358,7 @@ impl Group {
         let fetching = fetch.keys().copied().collect();
         let asked: usize = fetch.values().map(Vec::len).sum();
         for (node, bodies) in fetch {
+            bodies.iter().for_each(|&id| self.notes.note(&self.record, id));
             common.send_node(node, ToNode::Fetch { view: change.number, bodies });
         }
         if let Some(change) = &mut self.change {
@@ -474,6 +470,7 @@ impl Group {
         let Some(Plan { members, tree, allocation, owners, orphans, saves, .. }) = change.plan.take() else {
             return;
         };
+        self.notes = Notes::default();
         orphans.bring_back(&mut self.record, self.tick, f64::from(common.config.world.step.dt_s));
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();

@@ -521,7 +521,7 @@ fn a_kinematic_body_has_the_velocity_on_record_that_it_was_given_last_whoever_di
 }
 
 #[test]
-fn what_is_written_down_is_of_one_time() {
+fn what_is_written_down_of_a_body_goes_with_what_is_known_of_all_others() {
     let (mut server, mut stored) = (server(), Stored::new());
     let from_node = |message| ServerEvent::Message { from: Peer::Node(NodeId(1)), message };
     let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None, heard: 0 };

@@ -32,8 +32,8 @@ const BALANCED_ISLAND: usize = 256;
 /// Load balancing leaves islands of at most this many bodies whole. They are little work, and right: where a hanging
 /// bridge of 90 bodies was split above 16, it never came to rest, and a wave of dominoes ran a fifth slower.
 const LEAST_ISLAND: usize = 128;
-/// An island that stays whole has at most one in this many of a mean region's awake bodies: a larger one
-/// could not be balanced.
+/// An island of more than [`LEAST_ISLAND`] bodies that stays whole has at most one in this many of a mean region's awake
+/// bodies: a larger one could not be balanced.
 const ISLAND_SHARE: usize = 4;
 
 impl RegionHost {

@@ -47,8 +47,8 @@ pub(super) struct Group {
     /// Operations that the leader had handed over when the group fell silent in a view change. They are for
     /// the nodes that take over.
     pub left_over: Vec<WorldOp>,
-    /// What the record had of jointed bodies before survivors told of them in view changes that were not
-    /// completed.
+    /// The states that the record had of jointed bodies before survivors told of them in view changes that were
+    /// not completed.
     pub notes: Notes,
     divisions: Divisions,
     /// Members that have reported all that they know of the world's last tick.

@@ -49,6 +49,12 @@ impl End {
                 )));
             }
             WorldEnd::StandsBy => return Err(stands_by(&self.data)),
+            WorldEnd::Kept => {
+                return Err(Failure::run(format!(
+                    "the server of {data} has stopped before it ended its world, which is in etcd: if another server goes on with it, end it there \
+                     (`dcd end` beside that one), else start this one again and end it then"
+                )));
+            }
             WorldEnd::Underway => {
                 return Err(Failure::run(format!(
                     "the server of {data} has been told to end its world, and is not done; see its log"

@@ -18,7 +18,7 @@ use crate::net::Authority;
 use crate::protocol::EnvironmentProperties;
 
 pub(super) use self::lock::FolderLock;
-pub(crate) use self::lock::{is_served, is_standby, is_there};
+pub(crate) use self::lock::{is_elsewhere, is_served, is_standby, is_there};
 pub use self::redb::RedbDirectory;
 
 /// What a server holds while it serves a world.
@@ -152,6 +152,10 @@ fn in_etcd(
         tracing::info!(place = address, "taking over");
     }
     let folder_lock = FolderLock::take(&config.data, &config.data)?;
+    folder_lock.note(true).map_err(|error| DirectoryError::Unwritable {
+        place: config.data.display().to_string(),
+        cause: error.to_string(),
+    })?;
     drop(standby);
     authority.record_in(Box::new(directory.journal()));
     authority.open_ledger()?;

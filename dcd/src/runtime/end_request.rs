@@ -5,13 +5,17 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use tracing::warn;
+
 use super::RedbDirectory;
-use super::directory::{is_served, is_standby, is_there};
+use super::directory::{is_elsewhere, is_served, is_standby, is_there};
 use super::waiting::{Waiting, is_waiting};
 use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
 const REQUEST: &str = "end-request";
+/// The file by which a server says that it has ended its world, as asked.
+const ANSWER: &str = "end-answer";
 /// How often a server looks for a request.
 const LOOK: Duration = Duration::from_millis(200);
 /// How often the asking process looks whether the server has ended.
@@ -21,6 +25,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub(super) struct EndRequests {
     path: PathBuf,
     looked: Instant,
+    taken: bool,
 }
 
 impl EndRequests {
@@ -28,7 +33,7 @@ impl EndRequests {
     pub(super) fn of(folder: &Path) -> Self {
         let path = folder.join(REQUEST);
         let _ = std::fs::remove_file(&path);
-        Self { path, looked: Instant::now() }
+        Self { path, looked: Instant::now(), taken: false }
     }
 
     /// Returns whether there is a request, and removes it. One whose asker has ended is dropped. Looks no more
@@ -39,7 +44,17 @@ impl EndRequests {
         }
         self.looked = Instant::now();
         let is_meant = is_waiting(&self.path);
-        std::fs::remove_file(&self.path).is_ok() && is_meant
+        let is_taken = std::fs::remove_file(&self.path).is_ok() && is_meant;
+        self.taken |= is_taken;
+        is_taken
+    }
+
+    /// Tells whoever asked for it that the world has ended.
+    pub(super) fn answer(&self) {
+        let path = self.path.with_file_name(ANSWER);
+        if let Some(Err(error)) = self.taken.then(|| std::fs::write(&path, "")) {
+            warn!(path = %path.display(), %error, "who asked for the end of the world is not told of it");
+        }
     }
 }
 
@@ -54,6 +69,9 @@ pub enum WorldEnd {
     Nothing,
     /// The server of the folder stands by: another server has the world. Nothing was done.
     StandsBy,
+    /// The server has stopped, but has not ended its world, which is stored elsewhere: another server may go on
+    /// with it.
+    Kept,
     /// The server took the request, but did not end the world in time.
     Underway,
     /// The server did not take the request in time. The request is withdrawn, and the world goes on.
@@ -65,6 +83,8 @@ pub enum WorldEnd {
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
     let begun = Instant::now();
     let path = folder.join(REQUEST);
+    let answer = folder.join(ANSWER);
+    let _ = std::fs::remove_file(&answer);
     let (mut asked, mut heard) = (false, false);
     let mut waiting = None;
     loop {
@@ -77,6 +97,16 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
             if asked {
                 // Removes a request that came when the server was ending already.
                 let _ = std::fs::remove_file(&path);
+                if std::fs::remove_file(&answer).is_ok() {
+                    // A world in etcd may have come from one in the folder, which ends with it.
+                    return match remove(folder) {
+                        Ok(_) | Err(DirectoryError::Taken { .. }) => Ok(WorldEnd::ByServer),
+                        Err(error) => Err(error),
+                    };
+                }
+            }
+            if is_elsewhere(folder) {
+                return Ok(if asked { WorldEnd::Kept } else { WorldEnd::Nothing });
             }
             match (remove(folder), asked) {
                 // A server has just started.

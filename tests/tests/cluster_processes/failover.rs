@@ -350,3 +350,33 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
         assert_eq!(ended.code(), Some(0), "{ended:?}");
     }
 }
+
+#[test]
+fn the_end_of_a_world_that_its_server_did_not_live_to_end_is_not_claimed() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("0");
+    let mut server = serve(&etcd.place("play"), "127.0.0.1:0", &data);
+    server.line("listening ");
+    server.signal("-STOP");
+    let end = || Process::start(dcd(&["end", "--data"]).arg(&data));
+    let asked = end();
+    while !data.join("end-request").exists() {
+        std::thread::yield_now();
+    }
+    server.kill();
+    let ended = asked.end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert!(ended.errors.contains("has stopped before it ended its world, which is in etcd"), "{ended:?}");
+    let nobody = end().end();
+    assert_eq!(nobody.code(), Some(2), "{nobody:?}");
+    assert!(nobody.errors.contains("start its server again and end it then"), "{nobody:?}");
+    // A server of the folder itself, as where the world was restored from a backup.
+    let mut within =
+        Process::start(dcd(&["serve", "--listen", "127.0.0.1:0", "--data"]).arg(&data).arg(playground()));
+    within.line("listening ");
+    let ended = end().end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.lines[0].contains("its server has stopped"), "{ended:?}");
+    within.end();
+}

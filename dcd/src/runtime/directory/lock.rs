@@ -1,6 +1,7 @@
 //! Locks a data folder for the one server that uses it.
 
 use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use crate::cluster::directory::DirectoryError;
@@ -9,13 +10,16 @@ use crate::net::{NetError, open_private};
 use crate::runtime::waiting::Waiting;
 use crate::runtime::waiting::is_waiting;
 
+/// The file that locks a data folder. It has contents if the world is stored elsewhere.
+const LOCK: &str = "world.lock";
+
 /// The lock of a data folder. The operating system releases it when the process ends, however it ends.
 pub(in crate::runtime) struct FolderLock(File);
 
 impl FolderLock {
     /// Locks the folder. `place` is named in the error if another server has locked it.
     pub(in crate::runtime) fn take(folder: &Path, place: &Path) -> Result<Self, DirectoryError> {
-        let path = folder.join("world.lock");
+        let path = folder.join(LOCK);
         let shown = || path.display().to_string();
         let lock = open_private(&path, OpenOptions::new().create(true).append(true))
             .map_err(|error| DirectoryError::Unreadable { place: shown(), cause: cause(&error) })?;
@@ -29,6 +33,12 @@ impl FolderLock {
             }
         }
     }
+
+    /// Writes down whether the world is stored elsewhere, for those who find the folder without a server.
+    pub(super) fn note(&self, elsewhere: bool) -> io::Result<()> {
+        self.0.set_len(0)?;
+        (&self.0).write_all(if elsewhere { b"the world is in etcd\n" } else { b"" })
+    }
 }
 
 /// Releases the lock explicitly: a child process that is just being started also has the file open for a
@@ -41,7 +51,7 @@ impl Drop for FolderLock {
 
 /// Returns whether a server uses this data folder now.
 pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
-    if !is_there(&folder.join("world.lock"))? {
+    if !is_there(&folder.join(LOCK))? {
         return Ok(false);
     }
     match FolderLock::take(folder, folder) {
@@ -49,6 +59,11 @@ pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
         Err(DirectoryError::Taken { .. }) => Ok(true),
         Err(error) => Err(error),
     }
+}
+
+/// Returns whether the last server of this data folder stored its world elsewhere.
+pub(crate) fn is_elsewhere(folder: &Path) -> bool {
+    folder.join(LOCK).metadata().is_ok_and(|lock| lock.len() > 0)
 }
 
 /// The file by which a server shows that it stands by.

@@ -60,6 +60,7 @@ impl RedbDirectory {
             }
         }))
         .unwrap_or_else(|_| Err(damaged(&path, "redb cannot make sense of it")))?;
+        lock.note(false).map_err(|error| unreadable(folder, &error))?;
         Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
     }
 
@@ -73,6 +74,7 @@ impl RedbDirectory {
         let path = folder.join("world.redb");
         let lock = FolderLock::take(folder, &path)?;
         std::fs::remove_file(&path).map_err(|error| unreadable(&path, &error))?;
+        lock.note(false).map_err(|error| unreadable(folder, &error))?;
         Ok(Self { database: created(&path)?, path, synced_at: Instant::now(), _lock: lock })
     }
 

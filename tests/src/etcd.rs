@@ -62,6 +62,12 @@ impl EtcdCluster {
         Self::start_any(&vec![None; members], &[])
     }
 
+    /// Starts one member that has room for so many bytes.
+    #[must_use]
+    pub fn start_small(bytes: u32) -> Option<Self> {
+        Self::start_any(&[None], &["--quota-backend-bytes", &bytes.to_string()])
+    }
+
     /// Starts a cluster that answers over TLS, to clients with a certificate of its authority. Each member
     /// has a certificate of the given kind. `options` are passed to each member.
     #[must_use]

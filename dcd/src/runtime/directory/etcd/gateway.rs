@@ -50,6 +50,8 @@ pub(super) struct Gateway {
 pub(super) enum GatewayError {
     /// No member answers, or the cluster has no leader now: ask again.
     Away(String),
+    /// etcd has no room left, and takes no writes until somebody makes some.
+    Full(String),
     /// etcd refuses the request.
     Refused(String),
     /// etcd does not know this client, and has not done it. It takes the request from a client that logs in.
@@ -264,9 +266,13 @@ impl Gateway {
 /// What etcd says to a request without a token, and to one with a token from before a change of users.
 const UNKNOWN: [&str; 2] = ["user name is empty", "revision of auth store is old"];
 
+/// What helps an etcd that has no room left.
+const MAKE_ROOM: &str = "compact and defragment etcd, or give it more room (--quota-backend-bytes), and then lift its alarm (etcdctl alarm disarm)";
+
 fn refusal(status: u16, text: &str) -> GatewayError {
     let with = |remedy: &str| GatewayError::Refused(format!("{text}; {remedy}"));
     match status {
+        _ if text.contains("space exceeded") => GatewayError::Full(format!("{text}: {MAKE_ROOM}")),
         // No leader, a change of leader, a time-out within the cluster, or too many requests.
         408 | 429 | 500 | 502..=504 => GatewayError::Away(text.to_owned()),
         401 => GatewayError::Unknown(text.to_owned()),
@@ -342,7 +348,9 @@ fn found(answer: &Value) -> Result<Vec<Found>, GatewayError> {
 impl std::fmt::Display for GatewayError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Away(cause) | Self::Refused(cause) | Self::Unknown(cause) => f.write_str(cause),
+            Self::Away(cause) | Self::Full(cause) | Self::Refused(cause) | Self::Unknown(cause) => {
+                f.write_str(cause)
+            }
         }
     }
 }

@@ -85,6 +85,7 @@ impl Keys {
         let (place, cause) = (self.place(), error.to_string());
         match error {
             GatewayError::Away(_) => DirectoryError::Unreachable { place, cause },
+            GatewayError::Full(_) => DirectoryError::Unwritable { place, cause },
             GatewayError::Refused(_) | GatewayError::Unknown(_) => {
                 DirectoryError::Unreadable { place, cause }
             }

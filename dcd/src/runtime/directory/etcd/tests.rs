@@ -35,6 +35,18 @@ fn crash(mut directory: EtcdDirectory) {
 }
 
 #[test]
+fn an_etcd_without_room_is_named_and_what_helps() {
+    let Some(etcd) = EtcdCluster::start_small(100_000) else { return };
+    let place = etcd.place("full");
+    let mut directory = open(&place, "one");
+    let full = (0..10_000).find_map(|value| directory.commit(&body(1, value as u8, true), &[]).err());
+    let text = full.expect("there is no room for them all").to_string();
+    for part in ["cannot write", "space exceeded", "compact and defragment", "alarm disarm"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
 fn what_etcd_does_late_changes_nothing() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let place = etcd.place("late");

@@ -46,6 +46,12 @@ pub struct ClockOffset {
 /// delays.
 const OFTEN: Duration = Duration::from_millis(250);
 
+/// The intervals of pings to near and far peers, seconds. The thesis's example has 5 to 500 s; but nodes that a detour
+/// has parted keep a group waiting until it is noticed.
+const INTERVALS_S: [f64; 2] = [5.0, 30.0];
+/// The least difference between a round trip and those before that is worth looking into, microseconds.
+const UNLIKE_US: f64 = 10_000.0;
+
 #[derive(Clone, Debug)]
 struct Entry {
     next: Duration,
@@ -53,11 +59,22 @@ struct Entry {
     trips: VecDeque<(Duration, RoundTrip)>,
 }
 
+impl Entry {
+    /// Returns whether the last round trip is like the median: a way that has become another one is measured often until
+    /// the median says so.
+    fn is_settled(&self, middle_us: f64) -> bool {
+        let Some((_, last)) = self.trips.back().filter(|_| self.trips.len() >= FIRST) else { return false };
+        let last_us = last.delay_us as f64;
+        let (less, more) = (last_us.min(middle_us), last_us.max(middle_us));
+        more <= 2.0 * less + UNLIKE_US
+    }
+}
+
 /// Pings every linked peer at an interval of its own.
 ///
 /// [`Pinger::clock`] bounds the error of every peer's clock offset. Only for the server's clock is that error
-/// small: under 5 ms where round trips take less than 7 ms and pings arrive. Others are pinged at the
-/// thesis's intervals, between which clocks drift apart by 5 ms at least.
+/// small: under 5 ms where round trips take less than 7 ms and pings arrive. Others are pinged at
+/// intervals between which clocks drift apart by 5 ms at least.
 #[derive(Clone, Debug, Default)]
 pub struct Pinger {
     peers: BTreeMap<Peer, Entry>,
@@ -84,10 +101,8 @@ impl Pinger {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
             let interval = match middle_us(&entry.trips) {
-                Some(delay_us) if peer != Peer::Server && entry.trips.len() >= FIRST => {
-                    // 10 ms to 1 s of delay give 5 to 500 s: the thesis's example.
-                    let interval_s = ping_interval_s(delay_us / 1e3, [10.0, 1_000.0], [5.0, 500.0]);
-                    Duration::from_secs_f64(interval_s)
+                Some(delay_us) if peer != Peer::Server && entry.is_settled(delay_us) => {
+                    Duration::from_secs_f64(ping_interval_s(delay_us / 1e3, [10.0, 1_000.0], INTERVALS_S))
                 }
                 _ => OFTEN,
             };
@@ -206,6 +221,32 @@ mod tests {
             }
         }
         assert_eq!(asked, [0, 250, 500, 750, 1_000, 1_250, 6_250, 11_250, 16_250]);
+    }
+
+    #[test]
+    fn a_way_that_has_become_another_one_is_known_within_seconds_of_the_first_ping_over_it() {
+        for (before_us, after_us, within) in [(4_000, 200_000, 5_000..9_000), (200_000, 4_000, 5_000..14_000)]
+        {
+            let (mut pinger, peer) = (Pinger::default(), Peer::Node(NodeId(2)));
+            pinger.add(Duration::ZERO, peer);
+            // Just after a ping, the way changes.
+            let mut changed = None;
+            let known = (0..200_000).step_by(50).find(|&ms| {
+                let now = Duration::from_millis(ms);
+                if !pinger.due(now).is_empty() {
+                    let delay_us = if changed.is_some() { after_us } else { before_us };
+                    let (sent_us, middle_us) = (micros(now), micros(now) + delay_us / 2);
+                    let pong = Pong { sent_us, received_us: middle_us, answered_us: middle_us };
+                    pinger.pong(now + Duration::from_micros(delay_us), peer, pong);
+                    if pinger.peers[&peer].trips.len() == KEPT {
+                        changed.get_or_insert(ms);
+                    }
+                }
+                changed.is_some() && pinger.delay_us(peer) == Some(after_us as f64)
+            });
+            let took = known.unwrap() - changed.unwrap();
+            assert!(within.contains(&took), "{before_us} to {after_us} us: {took} ms");
+        }
     }
 
     #[test]

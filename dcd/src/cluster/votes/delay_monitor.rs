@@ -19,7 +19,7 @@ pub struct DelayRules {
 }
 
 impl Default for DelayRules {
-    /// Returns three strikes (thesis 3.3.9), kept for ten minutes: pings are 500 s apart at most.
+    /// Returns three strikes (thesis 3.3.9), kept for ten minutes.
     fn default() -> Self {
         Self { strikes: 3, strike_life: Duration::from_secs(600) }
     }

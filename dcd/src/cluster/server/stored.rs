@@ -67,8 +67,8 @@ struct StoredWorld {
 }
 
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
-struct StoredGroup {
-    view: View,
+pub(super) struct StoredGroup {
+    pub(super) view: View,
     former: Option<View>,
 }
 
@@ -169,9 +169,10 @@ impl Server {
         // they begin anew, with what is stored.
         let is_altered = stored.world != config.world;
         let over = if is_altered { std::mem::take(&mut groups) } else { BTreeMap::new() };
-        // The states of bodies are written down more often than the world.
-        let views = groups.values().chain(over.values()).map(|group| group.view.tick);
-        let tick = bodies.iter().map(StoredBody::tick).chain(views).fold(stored.tick, Tick::max);
+        // The states of bodies are written down more often than the world. Another group may be ahead by minutes, and says
+        // nothing of the main one.
+        let view = groups.get(&stored.main).or(over.get(&stored.main)).map(|group| group.view.tick);
+        let tick = bodies.iter().map(StoredBody::tick).chain(view).fold(stored.tick, Tick::max);
         // The viewpoints that the program set since then stand, unless the world is served with others now.
         let is_seen_as_before = stored.world.viewpoints == config.world.viewpoints;
         let record = Record::restored(bodies, shapes, joints);
@@ -191,6 +192,7 @@ impl Server {
         let main = server.groups.pop_first().map(|(_, group)| group).expect("a server has a group");
         for (id, group) in groups {
             let record = if id == stored.main { main.record.clone() } else { main.record.copied(true) };
+            let tick = if id == stored.main { tick } else { tick.max(group.view.tick) };
             server.expect_back(id, record, tick, group.view, group.former);
         }
         let group = server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));

@@ -4,8 +4,12 @@ use super::*;
 use crate::cluster::Key;
 use crate::cluster::directory::{Entry, Revision};
 use crate::cluster::server::steered::WRITE_EVERY;
+use crate::cluster::server::stored::StoredGroup;
 use crate::fidelity::Fidelity;
-use crate::protocol::{Alteration, BodyKind, BodyState, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
+use crate::protocol::{
+    Alteration, BodyKind, BodyState, BuildOp, Input, Push, Velocity, WorldOp, WorldPose, decode_value,
+    encode_value,
+};
 use crate::space::{JointId, Viewpoint};
 
 /// Returns the operations that leaders are told.
@@ -404,6 +408,22 @@ fn a_stored_world_is_served_again_with_other_relays_fidelity_and_viewpoints() {
 
     other.world.state_every += 1;
     assert!(matches!(restarted_with(other, stored), Err(RestoreError::OtherWorld)));
+}
+
+/// Groups may be minutes apart. What the main one has computed is what the world goes on from.
+#[test]
+fn another_group_that_is_ahead_takes_the_main_one_nowhere_when_the_server_is_started_again() {
+    let (mut server, mut stored) = (server(), Stored::new());
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None, heard: 0 };
+    for message in [Message::Hello(Hello { version: VERSION, role }), Message::ToServer(ToServer::Loaded)] {
+        handled(&mut server, ServerEvent::Message { from: Peer::Node(NodeId(1)), message }, &mut stored);
+    }
+    let main = server.main;
+    let of_main = stored[&Key::Group(main)].as_ref().expect("it has a view");
+    let mut ahead: StoredGroup = decode_value(of_main).unwrap();
+    ahead.view.tick = Tick(9_000);
+    stored.insert(Key::Group(GroupId(main.0 + 1)), Some(encode_value(&ahead)));
+    assert_eq!(restarted(stored).tick(), server.tick());
 }
 
 #[test]

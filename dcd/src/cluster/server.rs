@@ -176,8 +176,10 @@ pub enum ServerOutput {
     },
     /// A group without members was dissolved.
     Dissolved(GroupId),
-    /// A node was expelled from its view: it could not be reached, or is to join another group.
+    /// A node was expelled from its view: it could not be reached.
     Expelled(NodeId),
+    /// A node left its view, and begins anew in another group.
+    Moved(NodeId),
     /// A node computes the world by itself until links come. It is a new or restarted node that some members
     /// do not reach, or a participant that is the only one not to reach a dedicated node.
     Unreached(NodeId),

@@ -319,7 +319,7 @@ impl Sim {
                     self.leaders.remove(&group);
                     self.note(|| format!("{group} is no more"));
                 }
-                ServerOutput::Expelled(node) => {
+                ServerOutput::Expelled(node) | ServerOutput::Moved(node) => {
                     self.tally.evictions += 1;
                     // A member that was alone is parted from nobody.
                     if self.company.get(&node).is_some_and(|&size| size > 1) {

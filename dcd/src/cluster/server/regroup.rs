@@ -157,7 +157,7 @@ impl Server {
         let moved =
             self.common.nodes.iter().filter(|(_, entry)| entry.moved && entry.linked && !entry.leaving);
         for node in moved.map(|(&node, _)| node).collect::<Vec<_>>() {
-            self.common.outputs.push_back(ServerOutput::Expelled(node));
+            self.common.outputs.push_back(ServerOutput::Moved(node));
             self.welcome_node_again(node);
         }
     }

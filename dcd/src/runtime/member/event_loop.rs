@@ -15,7 +15,7 @@ use super::{Input, Onlooker, Presence, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
-use crate::net::NetTotals;
+use crate::net::{NetTotals, PeerName};
 use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
@@ -49,7 +49,7 @@ const TIMES: usize = 1 << 20;
 
 /// The loop of a process, with all that only the loop changes.
 pub(super) struct Loop {
-    /// The first address of the server, which errors name.
+    /// The address at which the server was last linked, or the first one. Errors name it.
     server: SocketAddr,
     /// All addresses at which the server may be.
     servers: Vec<SocketAddr>,
@@ -307,8 +307,18 @@ impl Loop {
             LinkEvent::Connected(peer, _) => {
                 if peer == Peer::Server {
                     let was_joined = std::mem::replace(&mut self.joined, true);
+                    let former = self.server;
+                    let known = self.connections.list();
+                    self.server = known
+                        .into_iter()
+                        .find(|known| known.who == PeerName::Server)
+                        .map_or(former, |known| known.address);
                     if self.lost.take().is_some() && was_joined {
-                        info!(servers = ?self.servers, "the server is back, or another has taken over");
+                        let server = self.server;
+                        match server == former {
+                            true => info!(%server, "the server is back"),
+                            false => info!(%server, %former, "another server has taken over"),
+                        }
                     }
                 }
                 if let Some(node) = &mut self.node {

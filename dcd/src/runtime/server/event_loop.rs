@@ -270,6 +270,7 @@ impl Loop {
                     let drained = self.drains.iter_mut().filter(|drain| drain.node == node);
                     drained.for_each(|drain| drain.is_lost = true);
                 }
+                ServerOutput::Moved(node) => info!(%node, "a node leaves its group, and goes on in another"),
                 ServerOutput::Unreached(node) => warn!(
                     %node,
                     "a node and others do not reach each other at the addresses that they gave: it computes the world by itself until they do; \
@@ -323,7 +324,9 @@ impl Loop {
                     }
                 }
                 ServerOutput::Ended => {
-                    self.forget();
+                    if self.forget() {
+                        self.end_requests.answer();
+                    }
                     self.over = true;
                 }
                 ServerOutput::Suspended => {
@@ -396,15 +399,17 @@ impl Loop {
         Ok(())
     }
 
-    /// Clears the directory: a world that has ended, or never began, leaves nothing to go on with.
-    fn forget(&mut self) {
+    /// Clears the directory: a world that has ended, or never began, leaves nothing to go on with. Returns
+    /// whether it is clear.
+    fn forget(&mut self) -> bool {
         let cleared = self.directory.load().and_then(|entries| {
             let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
             self.store(&Batch { writes, durable: true })
         });
-        if let Err(error) = cleared {
+        if let Err(error) = &cleared {
             warn!(%error, "what is stored of the world stays");
         }
+        cleared.is_ok()
     }
 
     fn publish(&mut self) {

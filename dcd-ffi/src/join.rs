@@ -41,7 +41,8 @@ pub struct DcdClientDef {
     /// and the shapes and joints of those. What comes there later, or where dcd_interest_set moves the area to, appears
     /// (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     pub interest_radius: f64,
-    /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000.
+    /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000. It counts from when the
+    /// client has noticed, which is 10 to 14 s after it last heard of a server that was killed.
     pub give_up_ms: u32,
     /// Reserved; must be 0.
     pub reserved: u32,

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::replay::{check_bodies, open, ticks};
+use super::replay::{check_bodies, open, tell_cuts, ticks};
 use crate::recording::{Difference, difference};
 use crate::space::Tick;
 
@@ -56,10 +56,11 @@ impl Diff {
         let (tick, found) = difference([&mut a, &mut b], until, |tick| bar.set_position(tick.0))
             .map_err(|error| Failure::run(error.to_string()))?;
         bar.finish_and_clear();
+        [&a, &b].into_iter().for_each(|replay| tell_cuts(replay, common));
         if self.json {
             let told = Told { ticks: tick.0, difference: found.as_ref().map(ToldDifference::new) };
             print(&serde_json::to_string(&told).expect("numbers and text are JSON"))?;
-        } else {
+        } else if tick > Tick(0) {
             let alike = || format!("alike in all ticks that both have, up to tick {}", tick.0);
             print(&found.as_ref().map_or_else(alike, words))?;
         }

@@ -90,6 +90,18 @@ impl Camera {
         self.take(world, seconds);
     }
 
+    /// Refuses a stretch that begins when what there is to film, so many seconds, is over.
+    pub(super) fn check_reached(&self, seconds: f64) -> Result<(), Failure> {
+        match &self.stretch {
+            Some(Range { start, end }) if self.taken == 0 && *start >= seconds => {
+                Err(Failure::usage(format!(
+                    "--gltf-seconds {start}..{end} begins when the replay of {seconds:.1} s is over; begin earlier"
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Writes the file. It has the world as it is now if no stretch was asked for, or none of it was reached,
     /// which is said then.
     pub(super) fn finish(

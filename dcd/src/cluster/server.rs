@@ -442,6 +442,11 @@ impl Server {
         self.common.outputs.pop_front()
     }
 
+    /// Returns what tells the world from others.
+    pub fn incarnation(&self) -> u64 {
+        self.common.config.incarnation
+    }
+
     /// Returns the newest tick that a member of the main group is known to have completed.
     pub fn tick(&self) -> Tick {
         self.main().tick

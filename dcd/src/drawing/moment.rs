@@ -80,6 +80,8 @@ pub(crate) struct Looker {
     joints: Vec<JointSeen>,
     geometries: Geometries,
     number: u64,
+    /// The tick of the last look.
+    tick: u64,
     /// The ids of the last look, kept to use their memory again.
     ids: Vec<(BodyId, u64)>,
 }
@@ -97,6 +99,11 @@ impl Looker {
             rows.push(seen);
         });
         let mut moment = Moment { number: self.number, tick: world.tick(), rows, ..Moment::default() };
+        // Pictures of later ticks are dropped when the world goes back.
+        if moment.tick < std::mem::replace(&mut self.tick, moment.tick) {
+            moment.departures.extend((0..self.movable.clear()).map(|slot| (slot, false)));
+            moment.departures.extend((0..self.fixed.clear()).map(|slot| (slot, true)));
+        }
         let change = self.movable.update(&ids, self.number, KEPT_FRAMES);
         self.ids = ids;
         moment.departures.extend(change.went.into_iter().map(|slot| (slot, false)));
@@ -239,6 +246,27 @@ mod tests {
             assert_eq!((again, came(&second)), (id, vec![(id, vec![BOX])]), "{stays} is as it was");
             assert_eq!(second.departures.len(), 1);
             assert!(came(&play(&kind, &cube).1).is_empty(), "it is like the one before");
+        }
+    }
+
+    #[test]
+    fn a_world_that_goes_back_again_and_again_shows_no_more_slots_than_it_has_bodies() {
+        let mut world = world();
+        let ball = ColliderBuilder::ball(0.5);
+        let at = |x: f32| RigidBodyBuilder::dynamic().translation(x * Vector::X);
+        let first = insert(&mut world, at(0.0), ball.clone());
+        let checkpoint = world.checkpoint();
+        let mut looker = Looker::default();
+        for _ in 0..5 {
+            world.rewind(&checkpoint).unwrap();
+            let early = look(&mut looker, &world);
+            assert_eq!((&early.slots[..], early.slot_count), (&[0][..], 1));
+            world.remove(first).unwrap();
+            let others = [2.0, 4.0].map(|x| insert(&mut world, at(x), ball.clone()));
+            world.step().unwrap();
+            let late = look(&mut looker, &world);
+            assert_eq!(came(&late), others.map(|id| (id, vec![BALL])));
+            assert_eq!((late.rows.len(), late.slot_count), (2, 3), "the picture before is kept");
         }
     }
 

@@ -54,6 +54,11 @@ impl Slots {
         Some(self.slots[self.ids.binary_search_by_key(&id, |(id, _)| *id).ok()?])
     }
 
+    /// Empties all slots, since no picture is kept of what was in them. Returns how many there were.
+    pub(crate) fn clear(&mut self) -> u32 {
+        std::mem::take(self).count
+    }
+
     /// Updates the slots to the bodies of a frame, given in id order with their looks. A slot that became
     /// empty is given again only after more than `kept` frames: until then, pictures of its former body are
     /// kept.
@@ -142,6 +147,19 @@ mod tests {
             assert_eq!(change.came, [(body, slots.of(body).unwrap())]);
         }
         assert!(slots.count() <= 2 + 1_000 / CHANGED_FRAMES as u32, "{}", slots.count());
+    }
+
+    #[test]
+    fn bodies_that_come_and_go_while_slots_are_cleared_take_as_many_slots_as_there_are_bodies() {
+        let mut slots = Slots::default();
+        for round in 0..5 {
+            slots.update(&ids(&[1, 2, 3, 10 + round]), 2 * u64::from(round), 2_400);
+            assert_eq!(slots.count(), 4);
+            assert_eq!(slots.clear(), 4);
+            let change = slots.update(&ids(&[2, 7]), 2 * u64::from(round) + 1, 2_400);
+            assert_eq!(change.came, [(BodyId::persistent(2), 0), (BodyId::persistent(7), 1)]);
+            assert_eq!(slots.clear(), 2);
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ use crate::space::ClientId;
 
 /// The version of the protocol. It grows with every change of the message set. Peers of different versions
 /// refuse each other.
-pub const VERSION: u32 = 38;
+pub const VERSION: u32 = 39;
 
 /// The longest message in bytes. A single shape (a height field of 2,000 × 2,000) needs most. A longer
 /// message is refused before it is sent (`ShapeRecord::can_travel`).
@@ -476,7 +476,7 @@ mod tests {
                 last_tick: None,
                 relays_above: None,
             };
-            let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
+            let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), incarnation: 1, world });
             for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 }), status()] {
                 let mut bytes = encode(&message);
                 let at = at % bytes.len();

@@ -6,7 +6,7 @@ use std::time::Duration;
 use bincode::Decode;
 
 use super::entry::{Beginning, Digests, Entry, Subject, take};
-use super::{Maker, Reader, RecordingError};
+use super::{Cut, Maker, Reader, RecordingError};
 use crate::space::{RegionId, Tick};
 
 /// The entries of a recording after its beginning.
@@ -63,7 +63,11 @@ impl Entries {
         &self.maker
     }
 
-    pub(super) fn was_cut_off(&self) -> bool {
-        self.reader.was_cut_off()
+    pub(super) fn cut(&self) -> Option<Cut> {
+        self.reader.cut()
+    }
+
+    pub(super) fn hash(&self) -> [u8; 8] {
+        self.reader.hash()
     }
 }

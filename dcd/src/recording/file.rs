@@ -64,7 +64,16 @@ pub struct Reader<R> {
     taken: u64,
     /// Says whether the last chunk has been read.
     ended: bool,
-    cut_off: bool,
+    cut: Option<Cut>,
+}
+
+/// The place where a recording ends that has no last chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// After a chunk: the process was killed, or what followed is missing. Nothing tells these apart.
+    AfterChunk,
+    /// Within a chunk: what followed is missing, or the process was killed or the disk full while it wrote.
+    WithinChunk,
 }
 
 impl Reader<io::BufReader<File>> {
@@ -86,19 +95,19 @@ impl<R: Read> Reader<R> {
         if format != FORMAT {
             return Err(RecordingError::Format { theirs: format, ours: FORMAT });
         }
-        Ok(Self { from, before: Hash::default(), taken: head.len() as u64, ended: false, cut_off: false })
+        Ok(Self { from, before: Hash::default(), taken: head.len() as u64, ended: false, cut: None })
     }
 
     /// Returns the next chunk; `None` at the end, or where the file was cut off.
     pub(super) fn next_chunk(&mut self) -> Result<Option<Vec<u8>>, RecordingError> {
-        if self.ended || self.cut_off {
+        if self.ended || self.cut.is_some() {
             return Ok(None);
         }
         let begin = self.taken;
         const HEAD: usize = 2 * size_of::<u32>() + size_of::<Hash>();
         let head = read_up_to(&mut self.from, HEAD)?;
         if head.len() < HEAD {
-            self.cut_off = true;
+            self.cut = Some(if head.is_empty() { Cut::AfterChunk } else { Cut::WithinChunk });
             return Ok(None);
         }
         let length_bytes = [head[0], head[1], head[2], head[3]];
@@ -108,7 +117,7 @@ impl<R: Read> Reader<R> {
         }
         let bytes = read_up_to(&mut self.from, length)?;
         if bytes.len() < length {
-            self.cut_off = true;
+            self.cut = Some(Cut::WithinChunk);
             return Ok(None);
         }
         let hash = chained(self.before, length_bytes, &bytes);
@@ -130,9 +139,14 @@ impl<R: Read> Reader<R> {
         Ok(Some(bytes))
     }
 
-    /// Returns whether the file ended without its last chunk: its process was killed, or the disk was full.
-    pub fn was_cut_off(&self) -> bool {
-        self.cut_off
+    /// Returns where the file ended, once it has ended without its last chunk.
+    pub fn cut(&self) -> Option<Cut> {
+        self.cut
+    }
+
+    /// Returns the hash of all chunks so far.
+    pub(super) fn hash(&self) -> [u8; 8] {
+        self.before
     }
 }
 

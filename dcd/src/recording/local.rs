@@ -7,7 +7,7 @@ use bincode::{Decode, Encode};
 use super::entries::Entries;
 use super::entry::Digests;
 use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
-use super::{Maker, Readout, RecordingError, digests_of};
+use super::{Cut, Maker, Readout, RecordingError, digests_of};
 use crate::fidelity::Pace;
 use crate::protocol::{
     BodyRecord, Drive, HookAnswer, HookCall, JointRecord, Push, ShapeRecord, Velocity, WorldPose,
@@ -166,8 +166,12 @@ impl Replayed for LocalReplay {
         self.entries.maker()
     }
 
-    fn was_cut_off(&self) -> bool {
-        self.entries.was_cut_off()
+    fn cut(&self) -> Option<Cut> {
+        self.entries.cut()
+    }
+
+    fn hash(&self) -> [u8; 8] {
+        self.entries.hash()
     }
 
     fn readout(&self) -> &dyn Readout {

@@ -30,7 +30,7 @@ mod tests;
 pub use diff::{Difference, difference};
 pub use digest::{BodyBits, Changed, FIELDS, digest, find_changed};
 pub use error::RecordingError;
-pub use file::{Background, Reader};
+pub use file::{Background, Cut, Reader};
 pub use local::{LocalPhysics, Operation};
 pub use maker::Maker;
 pub use node::tick_of;

@@ -6,13 +6,16 @@ use super::acts::Acts;
 use super::entries::Entries;
 use super::entry::{NodeEntry, NodeSeed};
 use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
-use super::{Maker, Physics, Readout, RecordingError, digests_of};
+use super::{Cut, Maker, Physics, Readout, RecordingError, digests_of};
 use crate::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent};
+use crate::protocol::{Message, ToNode};
 use crate::space::{BodyId, RegionId, Tick};
 
 /// The replay of one node.
 pub(super) struct NodeReplay {
     entries: Entries,
+    /// The incarnation of the world.
+    world: Option<u64>,
     node: Node,
     physics: Box<dyn Physics>,
     /// Answers of the physics that the machine was not given yet.
@@ -29,6 +32,7 @@ impl NodeReplay {
     pub(super) fn new(entries: Entries, seed: &NodeSeed, physics: Box<dyn Physics>) -> Self {
         Self {
             entries,
+            world: None,
             node: Node::new(NodeConfig::from(seed)),
             physics,
             answers: VecDeque::new(),
@@ -91,8 +95,16 @@ impl Replayed for NodeReplay {
         self.entries.maker()
     }
 
-    fn was_cut_off(&self) -> bool {
-        self.entries.was_cut_off()
+    fn cut(&self) -> Option<Cut> {
+        self.entries.cut()
+    }
+
+    fn hash(&self) -> [u8; 8] {
+        self.entries.hash()
+    }
+
+    fn world(&self) -> Option<u64> {
+        self.world
     }
 
     fn readout(&self) -> &dyn Readout {
@@ -116,7 +128,12 @@ impl Replayed for NodeReplay {
             let event = match entry {
                 NodeEntry::Connected(peer) => NodeEvent::Connected(peer),
                 NodeEntry::Disconnected(peer) => NodeEvent::Disconnected(peer),
-                NodeEntry::Message { from, message } => NodeEvent::Message { from, message },
+                NodeEntry::Message { from, message } => {
+                    if let Message::ToNode(ToNode::Welcome { incarnation, .. }) = message {
+                        self.world = Some(incarnation);
+                    }
+                    NodeEvent::Message { from, message }
+                }
                 NodeEntry::Client(message) => NodeEvent::Client(message),
                 NodeEntry::Leave => NodeEvent::Leave,
                 NodeEntry::Answered { compute_us, step_us, region_ms } => {

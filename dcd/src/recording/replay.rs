@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::replayed::{Flip, Replayed, Settled, Who};
-use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
+use super::{BodyBits, Changed, Cut, FIELDS, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// The point at which a replay parts from its recording. What a digest cannot tell is `None`.
@@ -76,9 +76,11 @@ impl Member {
 
 impl Replay {
     /// Begins the replay of these members, each with the name of its recording. A node that was started again
-    /// is several members, of which the last counts.
+    /// is several members, of which the last counts. Fails if they are of several worlds, or one is a copy of
+    /// another.
     pub fn new(members: Vec<(String, Box<dyn Replayed>)>) -> Result<Self, RecordingError> {
         let mut members = members.into_iter().map(Member::begin).collect::<Result<Vec<_>, _>>()?;
+        check_one_world(&members)?;
         members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
         let began = members.iter().filter_map(Member::began).min().unwrap_or(Tick(0));
         Ok(Self { members, began, ticks: 0, tick_count: 0, matches: 0, mismatch: None })
@@ -174,6 +176,11 @@ impl Replay {
         self.members.iter().map(|member| &*member.replay)
     }
 
+    /// Returns the recordings that were found to have no end, each with its newest tick, 0 if it has none.
+    pub fn cuts(&self) -> impl Iterator<Item = (&str, Tick, Cut)> {
+        self.members.iter().filter_map(|member| Some((&*member.name, member.tick, member.replay.cut()?)))
+    }
+
     /// Flips a bit of the body on the member that owns it after that tick.
     pub fn flip(&mut self, flip: Flip) {
         self.members.iter_mut().for_each(|member| member.replay.flip(flip));
@@ -198,6 +205,28 @@ impl Replay {
     pub fn acted_on(&self, body: BodyId) -> Vec<String> {
         self.present().flat_map(|member| acts(&*member.replay, body)).collect()
     }
+}
+
+/// Refuses recordings of several worlds, and copies.
+fn check_one_world(members: &[Member]) -> Result<(), RecordingError> {
+    let mut worlds = members.iter().filter_map(|member| Some((&member.name, member.replay.world()?)));
+    if let Some((one, world)) = worlds.next()
+        && let Some((other, _)) = worlds.find(|(_, of)| *of != world)
+    {
+        return Err(RecordingError::Unsuitable(format!(
+            "{one} and {other} are of two worlds: replay the recordings of each world by themselves"
+        )));
+    }
+    let mut known = BTreeMap::new();
+    // Those that end before their first tick may have nothing that tells them apart.
+    for Member { name, replay, .. } in members.iter().filter(|member| member.first.is_some()) {
+        if let Some(other) = known.insert(replay.hash(), name) {
+            return Err(RecordingError::Unsuitable(format!(
+                "{name} is a copy of {other}: leave one of them out"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Returns in words what acted on a body in the last ticks of one process, and what it touches there.

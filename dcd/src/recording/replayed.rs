@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::physics::bits_of;
-use super::{Maker, Readout, RecordingError};
+use super::{Cut, Maker, Readout, RecordingError};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// A tick that a process has completed, in the recording and in its replay.
@@ -62,8 +62,14 @@ pub trait Replayed {
     fn who(&self) -> Who;
     /// Returns the build and machine that made the recording.
     fn maker(&self) -> &Maker;
-    /// Returns whether the file has no end, as when the process was killed.
-    fn was_cut_off(&self) -> bool;
+    /// Returns where the file ended, once it has ended as that of a process that was killed.
+    fn cut(&self) -> Option<Cut>;
+    /// Returns the hash of the file as far as it was read, which nothing but a copy of it has too.
+    fn hash(&self) -> [u8; 8];
+    /// Returns what tells the served world from others, as soon as the process has heard of it.
+    fn world(&self) -> Option<u64> {
+        None
+    }
     /// Returns the tick of the world when the process began, if its first digest does not say so: a node's is
     /// that of the state with which it begins, a server's that of a later tick.
     fn began(&self) -> Option<Tick> {

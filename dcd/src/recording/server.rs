@@ -8,7 +8,7 @@ use bincode::{Decode, Encode};
 use super::entries::Entries;
 use super::entry::{put, take_whole};
 use super::replayed::{Flip, Replayed, Settled, Who};
-use super::{BodyBits, Maker, Readout, RecordingError};
+use super::{BodyBits, Cut, Maker, Readout, RecordingError};
 use crate::cluster::{
     CanBuild, Grouping, Peer, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput,
 };
@@ -149,8 +149,16 @@ impl Replayed for ServerReplay {
         self.entries.maker()
     }
 
-    fn was_cut_off(&self) -> bool {
-        self.entries.was_cut_off()
+    fn cut(&self) -> Option<Cut> {
+        self.entries.cut()
+    }
+
+    fn hash(&self) -> [u8; 8] {
+        self.entries.hash()
+    }
+
+    fn world(&self) -> Option<u64> {
+        Some(self.server.incarnation())
     }
 
     fn began(&self) -> Option<Tick> {

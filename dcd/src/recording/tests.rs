@@ -86,6 +86,23 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
         let some = ticks(&whole[..whole.len() * part / 10]).unwrap();
         assert!(some > 0 && some < all, "{some} of {all}");
     }
+    // Where a chunk ends nobody knows whether more was written.
+    let mut ends = vec![12];
+    while let Some(length) = whole[ends[ends.len() - 1]..].first_chunk().filter(|length| **length != [0; 4]) {
+        ends.push(ends[ends.len() - 1] + 16 + u32::from_le_bytes(*length) as usize);
+    }
+    for (part, cut) in [
+        (ends[5], Some(Cut::AfterChunk)),
+        (ends[5] + 9, Some(Cut::WithinChunk)),
+        (ends[6] - 1, Some(Cut::WithinChunk)),
+        (whole.len(), None),
+    ] {
+        let member = open(Cursor::new(whole[..part].to_vec()), &StandIns).unwrap();
+        let mut replay = Replay::new(vec![("a.dcdr".to_owned(), member)]).unwrap();
+        while replay.advance(END).unwrap() {}
+        let found: Vec<_> = replay.cuts().collect();
+        assert_eq!(found, Vec::from_iter(cut.map(|cut| ("a.dcdr", Tick(replay.ticks()), cut))), "{part}");
+    }
     assert!(matches!(ticks(&whole[..5]), Err(RecordingError::Foreign)));
     assert!(matches!(ticks(&whole[..20]), Err(RecordingError::Empty)));
     let mut damaged = whole.clone();
@@ -94,10 +111,36 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     let followed = [&whole[..], b"more"].concat();
     assert!(matches!(ticks(&followed), Err(RecordingError::Damaged(_))), "nothing may follow the end");
     let named = |name: &str, bytes: Vec<u8>| (name.to_owned(), open(Cursor::new(bytes), &StandIns).unwrap());
-    let mut both = Replay::new(vec![named("a.dcdr", whole), named("b.dcdr", damaged)]).unwrap();
+    let mut other = tapes.values().nth(1).unwrap().bytes();
+    let middle = other.len() / 2;
+    other[middle] ^= 4;
+    let mut both = Replay::new(vec![named("a.dcdr", whole), named("b.dcdr", other)]).unwrap();
     let error = std::iter::repeat_with(|| both.advance(END)).find_map(Result::err);
     let error = error.expect("it is damaged").to_string();
     assert!(error.starts_with("b.dcdr: the recording is damaged"), "{error}");
+}
+
+#[test]
+fn recordings_of_two_worlds_and_copies_are_not_replayed_together() {
+    let tapes = |seed| run(seed, None).tapes.into_values().map(|tape| tape.bytes());
+    let refusal = |bytes: Vec<Vec<u8>>| {
+        let named = |(i, bytes)| (format!("{i}.dcdr"), open(Cursor::new(bytes), &StandIns).unwrap());
+        Replay::new((0..).zip(bytes).map(named).collect()).err().map(|error| error.to_string())
+    };
+    let one: Vec<_> = tapes(1).collect();
+    let count = one.len();
+    assert_eq!(refusal(one.clone()), None);
+    // Also a server of another world, and a node without its server.
+    for other in tapes(3) {
+        let said = refusal([&one[..], &[other]].concat()).expect("it is of another world");
+        assert!(said.starts_with(&format!("0.dcdr and {count}.dcdr are of two worlds")), "{said}");
+    }
+    for (i, copied) in one.iter().enumerate() {
+        for part in [copied.len(), copied.len() * 2 / 3] {
+            let said = refusal([&one[..], &[copied[..part].to_vec()]].concat()).expect("it is a copy");
+            assert!(said.starts_with(&format!("{count}.dcdr is a copy of {i}.dcdr")), "{said}");
+        }
+    }
 }
 
 /// Returns whether a bit was flipped in the run of a seed. Checks that the replay finds that bit, and nothing

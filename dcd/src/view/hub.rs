@@ -296,10 +296,10 @@ impl Hub {
         let version = inner.roster;
         for &(slot, is_fixed) in &moment.departures {
             // A movable body stays known until its slot is given to another: pictures of the past still show
-            // it.
-            if is_fixed {
-                let bytes = Bytes::from(wire::gone(slot, true));
-                inner.bodies.insert((true, slot), (version, bytes));
+            // it. There are fewer slots than before only when the world went back, and no past is kept.
+            if is_fixed || slot >= moment.slot_count {
+                let bytes = Bytes::from(wire::gone(slot, is_fixed));
+                inner.bodies.insert((is_fixed, slot), (version, bytes));
             }
         }
         for (body, bytes) in moment.arrivals.iter().zip(came) {
@@ -426,5 +426,48 @@ impl Inner {
         }
         json.push_str("]}");
         Some(json)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drawing::{Arrival, Part};
+
+    /// Makes a moment with these slots, in all of which a body has come.
+    fn moment(number: u64, tick: u64, slot_count: u32) -> Moment {
+        let part =
+            Part { geometry: 0, sensor: false, translation: [0.0; 3], rotation: [0.0; 4], size: [1.0; 3] };
+        let arrival = |slot| Arrival {
+            slot,
+            id: BodyId::persistent(slot),
+            kind: 0,
+            own: false,
+            fixed: None,
+            parts: vec![part],
+        };
+        let arrivals = (0..slot_count).map(arrival).collect();
+        Moment { number, tick, slot_count, arrivals, ..Moment::default() }
+    }
+
+    #[test]
+    fn a_page_is_told_that_slots_are_gone_once_the_world_went_back() {
+        let hub = Hub::new("key".to_owned());
+        hub.set_fixed(Hello {
+            name: String::new(),
+            controls: false,
+            recorded: None,
+            dt_s: 0.1,
+            origin: [0.0; 3],
+            bounds: [[0.0; 3]; 2],
+        });
+        assert!(hub.enter(1));
+        hub.publish(moment(1, 9, 3));
+        hub.publish(Moment { departures: (0..3).map(|slot| (slot, false)).collect(), ..moment(2, 4, 1) });
+        let answer = hub.answer(1, &mut Progress::default(), Want::Newest, Duration::ZERO);
+        let number = |bytes: &Bytes, at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        let bodies = answer.iter().filter(|bytes| bytes[0] == 3);
+        let parts: Vec<_> = bodies.map(|bytes| [number(bytes, 4), number(bytes, 16)]).collect();
+        assert_eq!(parts, [[0, 1], [1, 0], [2, 0]]);
     }
 }

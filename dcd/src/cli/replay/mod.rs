@@ -17,7 +17,7 @@ use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::values::address;
 use super::view::ANY_PORT;
-use crate::recording::{Flip, Maker, RecordingError, Replay as Worlds, Who};
+use crate::recording::{Cut, Flip, Maker, RecordingError, Replay as Worlds, Who};
 use crate::runtime::open_recording;
 use crate::space::{BodyId, ClientId, Tick};
 
@@ -108,10 +108,9 @@ impl Replay {
         }
         bar.finish_and_clear();
         // The JSON object is the last line.
-        let filmed = film.finish(&replay, common);
-        if replay.members().any(|member| member.was_cut_off()) {
-            common.say("a recording has no end, as that of a process that was killed: it is replayed as far as it goes");
-        }
+        let is_whole = failed.is_ok() && !interrupt.asked() && !(self.check && replay.mismatch().is_some());
+        let filmed = film.finish(&replay, is_whole, common);
+        tell_cuts(&replay, common);
         let is_answered = self.dump.is_none_or(|tick| replay.ticks() >= tick)
             && (self.flip.is_none() || replay.members().any(|member| member.has_flipped()))
             && (!self.check || replay.matches() > 0 || replay.mismatch().is_some());
@@ -180,6 +179,24 @@ fn extent(replay: &Worlds) -> String {
     }
 }
 
+/// Says which recordings have no end. What is surely missing is said even with `--quiet`.
+pub(super) fn tell_cuts(replay: &Worlds, common: &Common) {
+    for (name, tick, cut) in replay.cuts() {
+        let place = match tick {
+            Tick(0) => "before its first tick".to_owned(),
+            Tick(tick) => format!("after tick {tick}"),
+        };
+        match cut {
+            Cut::AfterChunk => common.say(&format!(
+                "{name} has no end, as that of a process that was killed: it is replayed as far as it goes, and stops {place}"
+            )),
+            Cut::WithinChunk => common.tell(&format!(
+                "{name} is cut off {place}: the rest of the file is missing, or its disk was full or its process killed while it                  wrote"
+            )),
+        }
+    }
+}
+
 /// Has all members complete a tick.
 fn step(replay: &mut Worlds, tick: Tick) -> Result<(), RecordingError> {
     while replay.advance(tick)? {}
@@ -214,7 +231,10 @@ pub(super) fn open(
     if members.len() > 1 && members.iter().any(|(_, member)| member.who() == Who::Local) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
-    Worlds::new(members).map_err(|error| Failure::run(error.to_string()))
+    Worlds::new(members).map_err(|error| match error {
+        RecordingError::Unsuitable(_) => Failure::usage(error.to_string()),
+        _ => Failure::run(error.to_string()),
+    })
 }
 
 /// Returns the files, with those of folders in place of the folders. Empty files of folders are left out: those

@@ -9,7 +9,7 @@ use crate::cli::failure::Failure;
 use crate::cli::film::Camera;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::view;
-use crate::drawing::Hosts;
+use crate::drawing::{Hosts, Source as _};
 use crate::recording::{RecordingError, Replay};
 use crate::runtime::{last_recorded_tick, replayed_regions};
 use crate::space::Tick;
@@ -107,15 +107,23 @@ impl Film {
         if let Some(camera) = &mut self.camera
             && let Some(seen) = hosts(replay)
         {
-            camera.look(&seen, f64::from(seen.dt_s()) * (replay.tick().0 - self.begin) as f64);
+            camera.look(&seen, seconds(&seen, self.begin));
         }
     }
 
-    /// Writes the file.
-    pub(super) fn finish(self, replay: &Replay, common: &Common) -> Result<(), Failure> {
+    /// Writes the file. `is_whole` says that nothing ended the replay early.
+    pub(super) fn finish(self, replay: &Replay, is_whole: bool, common: &Common) -> Result<(), Failure> {
         let Some(camera) = self.camera else { return Ok(()) };
         let seen =
             hosts(replay).ok_or_else(|| Failure::usage("there is nothing to film: leave --gltf out"))?;
+        if is_whole {
+            camera.check_reached(seconds(&seen, self.begin))?;
+        }
         camera.finish(Some(&seen), 0.0, common)
     }
+}
+
+/// Returns the time since the end of the tick `begin`, in seconds.
+fn seconds(seen: &Hosts<'_>, begin: u64) -> f64 {
+    f64::from(seen.dt_s()) * seen.tick().saturating_sub(begin) as f64
 }

@@ -49,7 +49,7 @@ fn adopted(
     let world_tree = world.tree.clone();
     let mut node = Node::new(config);
     node.handle(NOW, NodeEvent::Connected(Peer::Server));
-    server(&mut node, ToNode::Welcome { id: NodeId(2), world });
+    server(&mut node, ToNode::Welcome { id: NodeId(2), incarnation: 1, world });
     server(&mut node, ToNode::WorldEnd);
     let body = sim_body(BodyId::persistent(0), [12.0, 1.0, 1.0]);
     server(&mut node, ToNode::Chunk(Chunk::Placed(vec![Placed { region: RegionId(2), body }])));
@@ -510,7 +510,7 @@ fn when_the_view_changes_all_that_is_on_its_way_arrives_and_once() {
 #[test]
 fn who_began_anew_and_is_still_taken_for_a_member_is_surveyed_without_a_view() {
     let mut node = member();
-    server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });
+    server(&mut node, ToNode::Welcome { id: NodeId(2), incarnation: 1, world: sim_world(2) });
     let (view, survivors) = (ViewNumber(2), vec![NodeId(1), NodeId(2)]);
     server(&mut node, ToNode::Settle { view });
     server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors, last: true });

@@ -183,8 +183,8 @@ impl Server {
             moves: Moves::default(),
         };
         self.common.nodes.insert(node, entry);
-        let world = self.common.config.world.clone();
-        self.common.send_node(node, ToNode::Welcome { id: node, world });
+        let (incarnation, world) = (self.common.config.incarnation, self.common.config.world.clone());
+        self.common.send_node(node, ToNode::Welcome { id: node, incarnation, world });
         for chunk in parts {
             self.common.send_node(node, ToNode::Chunk(chunk));
         }

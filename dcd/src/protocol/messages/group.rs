@@ -24,6 +24,8 @@ pub enum ToNode {
     Welcome {
         /// The node's id.
         id: NodeId,
+        /// Tells this world from others, also in recordings.
+        incarnation: u64,
         /// The world.
         world: EnvironmentProperties,
     },

@@ -85,6 +85,7 @@ fn the_first_difference_of_two_recordings_is_told() {
     let nothing = dcd(folder, "diff a.dcdr begun.dcdr");
     assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
     assert!(String::from_utf8_lossy(&nothing.stderr).contains("nothing was compared"), "{nothing:?}");
+    assert!(nothing.stdout.is_empty(), "{nothing:?}");
     let nothing = dcd(folder, "replay begun.dcdr --check");
     assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
     let words = String::from_utf8_lossy(&nothing.stderr);
@@ -140,11 +141,42 @@ fn what_cannot_be_replayed_is_said() {
         assert_eq!(full.status.code(), Some(1), "{full:?}");
         assert!(String::from_utf8_lossy(&full.stderr).contains("the recording is not whole"), "{full:?}");
     }
-    // A recording cut off by a crash has no end.
-    std::fs::write(folder.join("cut.dcdr"), &whole[..whole.len() - 3]).unwrap();
-    let cut = dcd(folder, "replay cut.dcdr --check");
-    assert_eq!(cut.status.code(), Some(0), "{cut:?}");
-    assert!(String::from_utf8_lossy(&cut.stderr).contains("has no end"), "{cut:?}");
+    // A recording cut off by a crash has no end. What is missing is said even to who wants to hear little.
+    for (missing, line, words) in [
+        (3, "replay cut.dcdr --check -q", "cut.dcdr is cut off after tick 30"),
+        (3, "diff cut.dcdr a.dcdr -q", "cut.dcdr is cut off after tick 30"),
+        (16, "replay cut.dcdr --check", "cut.dcdr has no end"),
+        (16, "replay cut.dcdr --check -q", ""),
+    ] {
+        std::fs::write(folder.join("cut.dcdr"), &whole[..whole.len() - missing]).unwrap();
+        let cut = dcd(folder, line);
+        let said = String::from_utf8_lossy(&cut.stderr);
+        assert_eq!(cut.status.code(), Some(0), "{line}: {said}");
+        assert!(said.contains(words) && said.is_empty() == words.is_empty(), "{line}: {said}");
+    }
+}
+
+#[test]
+fn a_film_of_what_is_not_on_record_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "run tower --seconds 1 --record a.dcdr", 0);
+    for (line, words) in [
+        (
+            "replay a.dcdr --gltf a.glb --gltf-seconds 50..60",
+            "--gltf-seconds 50..60 begins when the replay of 1.0 s is over",
+        ),
+        (
+            "replay a.dcdr --until 30 --gltf a.glb --gltf-seconds 0.6..1",
+            "begins when the replay of 0.5 s is over",
+        ),
+    ] {
+        let said = said(folder, line, 2);
+        assert!(said.contains(words), "{line}: {said}");
+        assert!(!folder.join("a.glb").exists(), "{line}");
+    }
+    said(folder, "replay a.dcdr --gltf a.glb --gltf-seconds 0.6..9", 0);
+    assert!(folder.join("a.glb").exists());
 }
 
 #[test]
@@ -224,4 +256,11 @@ fn a_simulated_run_is_recorded_by_node() {
     assert_eq!(again.status.code(), Some(2), "{again:?}");
     let error = String::from_utf8_lossy(&again.stderr);
     assert!(error.contains("runs/kill-node-3 is there already"), "{error}");
+    // Recordings of another world, or copies, are not taken for parts of this one.
+    let both = said(folder, "replay runs/kill-node-3 runs/kill-node-4 --check", 2);
+    assert!(both.contains("are of two worlds: replay the recordings of each"), "{both}");
+    let file = std::fs::read_dir(folder.join("runs/kill-node-3")).unwrap().next().unwrap().unwrap().path();
+    std::fs::copy(&file, folder.join("runs/kill-node-3/zz.dcdr")).unwrap();
+    let doubled = said(folder, "replay runs/kill-node-3 --check", 2);
+    assert!(doubled.contains("runs/kill-node-3/zz.dcdr is a copy of runs/kill-node-3/"), "{doubled}");
 }

@@ -175,7 +175,14 @@ fn extent(replay: &Worlds) -> String {
         None if replay.ticks() == 0 => {
             "no tick is on record: it was cut off, or ended, before the first".to_owned()
         }
-        None => format!("the recording ends after tick {}; name one up to that", replay.ticks()),
+        None => {
+            let again = if replay.tick_count() > replay.ticks() {
+                format!(" ({} were replayed, as the world went back)", replay.tick_count())
+            } else {
+                String::new()
+            };
+            format!("the recording ends after tick {}{again}; name one up to that", replay.ticks())
+        }
     }
 }
 

@@ -6,6 +6,8 @@ use super::{Params, Scene, SceneError, file, library};
 
 /// File extensions of MJCF and URDF.
 const MODEL_EXTENSIONS: [&str; 3] = ["xml", "mjcf", "urdf"];
+/// File extensions of glTF, which is only written.
+const GLTF_EXTENSIONS: [&str; 2] = ["gltf", "glb"];
 
 impl Scene {
     /// Builds a scene of the [`library`](super::library()). Returns an error if there is no such scene or
@@ -32,6 +34,14 @@ impl Scene {
                 remedy: "build dcd with its feature `models`".to_owned(),
             });
         }
+        if GLTF_EXTENSIONS.iter().any(|known| has_extension(path, known)) {
+            return Err(SceneError::File {
+                path: path.to_owned(),
+                line: None,
+                cause: "dcd writes glTF and does not read it".to_owned(),
+                remedy: "give a scene file (.toml), or a model (.xml, .mjcf or .urdf)".to_owned(),
+            });
+        }
         file::load(path, params)
     }
 
@@ -39,11 +49,25 @@ impl Scene {
     /// a scene of the library.
     pub fn open(name_or_path: &str, params: &Params) -> Result<Self, SceneError> {
         let path = Path::new(name_or_path);
-        let is_scene = MODEL_EXTENSIONS.iter().chain(&["toml"]).any(|known| has_extension(path, known));
+        let mut known = MODEL_EXTENSIONS.iter().chain(&GLTF_EXTENSIONS).chain(&["toml"]);
+        let is_scene = known.any(|known| has_extension(path, known));
         if is_scene || path.is_file() { Self::load(path, params) } else { Self::named(name_or_path, params) }
     }
 }
 
 fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gltf_file_is_refused_as_one_and_not_read_as_toml() {
+        for name in ["world.gltf", "WORLD.GLB"] {
+            let error = Scene::open(name, &Params::default()).unwrap_err().to_string();
+            assert!(error.contains("glTF"), "{error}");
+        }
+    }
 }

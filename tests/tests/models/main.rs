@@ -5,6 +5,7 @@ mod collada;
 mod compare;
 mod features;
 mod hostile;
+mod inertia;
 mod list;
 mod placing;
 mod real;

@@ -7,6 +7,7 @@
 
 mod collada;
 mod files;
+mod mass;
 mod mesh;
 mod mjcf;
 mod model;

@@ -2,6 +2,7 @@
 
 use rapier3d::prelude::*;
 
+use super::mass::weightless;
 use super::{Model, ModelParams};
 use crate::protocol::WorldPose;
 use crate::scene::model::world_pose;
@@ -50,7 +51,10 @@ fn bodies_of(model: &Model, sleep: bool) -> Vec<SceneBody> {
     let bodies = model.parts.iter().map(|part| SceneBody {
         pose: world_pose(part.pose.translation.to_array().map(f64::from), part.pose.rotation),
         body: part.body.clone().additional_mass_properties(part.mass).can_sleep(sleep),
-        colliders: part.colliders.clone(),
+        colliders: match part.is_dynamic() {
+            true => part.colliders.iter().map(weightless).collect(),
+            false => part.colliders.clone(),
+        },
     });
     bodies.collect()
 }

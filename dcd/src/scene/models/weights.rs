@@ -3,14 +3,16 @@
 
 use std::collections::VecDeque;
 
+use rapier3d::glamx::glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 
+use super::mass::{Mass, about_middle};
 use super::model::{Model, ModelJoint, Part, is_weld};
 use super::source::Fault;
 use super::warnings::Warnings;
 
 /// The largest fraction of its mass that a body lends to one without.
-const LENT: f32 = 0.1;
+const LENT: f64 = 0.1;
 
 /// Fixes bodies that are welded to something fixed, and gives every other body mass and inertia.
 pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
@@ -32,19 +34,27 @@ pub(super) fn give_inertia(part: &mut Part, warnings: &mut Warnings) {
     if inertia.min_element() > 0.0 {
         return;
     }
-    let mass = part.mass.mass();
-    let shapes = part.colliders.iter().fold(MassProperties::default(), |sum, collider| {
-        sum + collider.shape.mass_properties(1.0).transform_by(&collider.position)
-    });
-    let of_shapes = shapes.principal_inertia() * (mass * shapes.inv_mass);
-    let found = if of_shapes.min_element() > 0.0 {
-        warnings.add("inertia", &*part.name, "not given: that of its shapes is taken");
-        of_shapes
-    } else {
-        warnings.add("inertia without shape", &*part.name, "not given: that of a ball of 0.1 m is taken");
-        Vector::splat(0.4 * mass * 0.01)
+    let impossible = inertia.max_element() > 0.0;
+    let Mass { kg, centre, .. } = Mass::of(&part.mass);
+    let shapes: Mass = part
+        .colliders
+        .iter()
+        .map(|collider| Mass::of_shape(&*collider.shape).placed(&collider.position))
+        .sum();
+    let has_shape = shapes.kg > 0.0 && shapes.principal().0.min_element() > 0.0;
+    let (what, how) = match (impossible, has_shape) {
+        (true, true) => ("inertia that no body can have", "that of its shapes is taken"),
+        (true, false) => ("inertia that no body can have, without shape", "that of a ball of 0.1 m is taken"),
+        (false, true) => ("inertia", "not given: that of its shapes is taken"),
+        (false, false) => ("inertia without shape", "not given: that of a ball of 0.1 m is taken"),
     };
-    part.mass = MassProperties::new(part.mass.local_com, mass, found);
+    warnings.add(what, &*part.name, how);
+    let inertia = if has_shape {
+        shapes.inertia * (kg / shapes.kg)
+    } else {
+        DMat3::from_diagonal(DVec3::splat(0.4 * kg * 0.01))
+    };
+    part.mass = Mass { kg, centre, inertia }.properties();
 }
 
 /// Fixes bodies that a weld of the tree ties to something fixed; the joint is removed.
@@ -148,27 +158,27 @@ fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
 /// Splits a body's mass into a rest and a ball that together are what it was. `at` is where the ball belongs,
 /// in the body's space; the ball itself is returned about its own centre.
 fn split(whole: &MassProperties, at: Vector) -> (MassProperties, MassProperties) {
-    let (mass, inertia) = (whole.mass(), whole.reconstruct_inertia_matrix());
-    let least = whole.principal_inertia().min_element();
-    let arm = at - whole.local_com;
+    let Mass { kg, centre, inertia } = Mass::of(whole);
+    let least = f64::from(whole.principal_inertia().min_element());
+    let arm = at.as_dvec3() - centre;
     let mut share = LENT;
     loop {
-        let (lent, turning) = (mass * share, least * share);
-        let kept = mass - lent;
+        let (lent, turning) = (kg * share, least * share);
+        let kept = kg - lent;
         // The inertia of two point masses on a line through their common centre of mass.
-        let pair =
-            (Matrix::from_diagonal(Vector::splat(arm.length_squared())) - outer(arm)) * (lent * mass / kept);
-        let rest = inertia - pair - Matrix::from_diagonal(Vector::splat(turning));
-        let rest = MassProperties::with_inertia_matrix(whole.local_com - arm * (lent / kept), kept, rest);
-        if rest.principal_inertia().min_element() > 0.5 * least || share < 1e-4 {
-            return (rest, MassProperties::new(Vector::ZERO, lent, Vector::splat(turning)));
+        let pair = about_middle(arm) * (lent * kg / kept);
+        let turning_inertia = DMat3::from_diagonal(DVec3::splat(turning));
+        let rest = Mass {
+            kg: kept,
+            centre: centre - arm * (lent / kept),
+            inertia: inertia - pair - turning_inertia,
+        };
+        if rest.principal().0.min_element() > 0.5 * least || share < 1e-4 {
+            let ball = Mass { kg: lent, centre: DVec3::ZERO, inertia: turning_inertia };
+            return (rest.properties(), ball.properties());
         }
         share *= 0.5;
     }
-}
-
-fn outer(v: Vector) -> Matrix {
-    Matrix::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
 #[cfg(test)]
@@ -180,7 +190,8 @@ mod tests {
         let whole = MassProperties::new(Vector::new(0.0, 0.2, -0.3), 4.0, Vector::new(0.5, 0.4, 0.1));
         let at = Vector::new(0.1, 0.0, 0.2);
         let (rest, ball) = split(&whole, at);
-        let together = rest + MassProperties { local_com: at, ..ball };
+        let together = MassProperties { local_com: at, ..ball };
+        let together = (Mass::of(&rest) + Mass::of(&together)).properties();
         assert!((together.mass() - 4.0).abs() < 1e-5);
         assert!((together.local_com - whole.local_com).length() < 1e-6);
         let difference = together.reconstruct_inertia_matrix() - whole.reconstruct_inertia_matrix();

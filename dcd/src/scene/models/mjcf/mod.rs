@@ -99,6 +99,16 @@ fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Resu
         Equality::Weld(of) => is_here(&of.body1) && of.body2.as_deref().is_none_or(is_here),
         Equality::Joint(_) | Equality::Tendon(_) => true,
     });
+    unique("body", bodies.iter().map(String::as_str).chain(["world"]))?;
+    let joints = || file.bodies.iter().flat_map(|entry| &entry.body.joints);
+    unique("joint", joints().filter_map(|joint| joint.name.as_deref()))?;
+    let geoms = file.bodies.iter().flat_map(|entry| &entry.body.geoms);
+    unique("geom", geoms.filter_map(|geom| geom.name.as_deref()))?;
+    let turns_about = |joint: &&Joint| matches!(joint.type_, JointType::Hinge | JointType::Slide);
+    if let Some(joint) = joints().filter(turns_about).find(|joint| joint.axis == [0.0; 3]) {
+        let name = joint.name.as_deref().unwrap_or("without a name");
+        return Err(Fault::new(format!("the axis of joint {name} is 0 0 0"), "give it a direction"));
+    }
     let must = |what: &str, name: &str| {
         let cause = format!("{what} names body `{name}`, which is not there");
         if known(name) {
@@ -136,6 +146,18 @@ fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Resu
         if body1 == "world" {
             let cause = "<equality> has the world as its first body";
             return Err(Fault::new(cause, "give it as body2, or leave body2 out"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses two elements of one kind and one name: what refers to it could mean either.
+fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), Fault> {
+    let mut seen = BTreeSet::new();
+    for name in names {
+        if !seen.insert(name) {
+            let cause = format!("two elements <{kind}> are named `{name}`");
+            return Err(Fault::new(cause, "give each its own name"));
         }
     }
     Ok(())
@@ -261,6 +283,8 @@ fn add_joints(
         }
         model.joints.push(ModelJoint { a, b, joint, tree: true, link });
     }
+    let joint_names: BTreeSet<_> =
+        file.bodies.iter().flat_map(|entry| &entry.body.joints).filter_map(|j| j.name.as_deref()).collect();
     for entry in
         file.bodies.iter().filter(|entry| entry.body.joints.iter().any(|j| j.type_ == JointType::Free))
     {
@@ -269,8 +293,11 @@ fn add_joints(
             model.warnings.add("damping of a free joint", name, "has no effect");
         }
     }
+    let is_there = |name: &String| joint_names.contains(name.as_str());
     for (actuator, made) in robot.actuators.iter().map(|made| (&made.actuator, made)) {
-        if actuator.joint.is_none() || made.joint_index.is_none() {
+        if let Some(joint) = actuator.joint.as_ref().filter(|joint| !is_there(joint)) {
+            model.warnings.add("actuator of a joint that is not there", &**joint, "has no effect");
+        } else if actuator.joint.is_none() || made.joint_index.is_none() {
             let name = actuator.name.as_deref().unwrap_or("an actuator without a name");
             model.warnings.add("actuator of something other than a joint", name, "has no effect");
         }

@@ -109,6 +109,25 @@ const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("compiler", "fitaabb", "false", "compiler fitaabb", "has no effect"),
 ];
 
+/// The attributes of elements of bodies in MuJoCo 3, but for user data. Its reader refuses others.
+const KNOWN: [(&str, &str); 5] = [
+    ("body", "name childclass pos quat axisangle xyaxes zaxis euler mocap gravcomp sleep user"),
+    ("inertial", "pos quat axisangle xyaxes zaxis euler mass diaginertia fullinertia"),
+    ("freejoint", "name group align"),
+    (
+        "joint",
+        "name class type group pos axis springdamper limited actuatorfrclimited solreflimit solimplimit solreffriction \
+         solimpfriction stiffness range actuatorfrcrange actuatorgravcomp margin ref springref springyield armature \
+         damping frictionloss user",
+    ),
+    (
+        "geom",
+        "name class type contype conaffinity condim group priority size material friction mass density shellinertia \
+         solmix solref solimp margin gap fromto pos quat axisangle xyaxes zaxis euler hfield mesh fitscale rgba \
+         fluidshape fluidcoef adhesion surfacevel castshadow user",
+    ),
+];
+
 /// Refuses a file if the scene would lack something that it describes, and warns of differences.
 pub(super) fn check(
     source: &Source,
@@ -149,7 +168,25 @@ pub(super) fn check(
             }
         }
     }
+    strangers(source, document, warnings);
     flags(document, warnings)
+}
+
+/// Warns of attributes that no reader knows, in bodies and their classes. They are mostly misspelt.
+fn strangers(source: &Source, document: &Document<'_>, warnings: &mut Warnings) {
+    for node in document.descendants().filter(|node| node.is_element()) {
+        // The same elements stand for other things in other places.
+        let place = ["body", "frame", "worldbody", "default"];
+        let in_body = node.parent().is_some_and(|parent| place.contains(&parent.tag_name().name()));
+        let known = KNOWN.iter().find(|(element, _)| in_body && node.has_tag_name(*element));
+        let Some((_, known)) = known else { continue };
+        for attribute in node.attributes() {
+            if !known.split_ascii_whitespace().any(|name| name == attribute.name()) {
+                let whom = format!("{} ({})", source.named(node), attribute.name());
+                warnings.add("attribute unknown to MJCF", whom, "is not read");
+            }
+        }
+    }
 }
 
 /// Refuses values that the reader accepts although nothing can be computed with them.
@@ -161,6 +198,10 @@ fn values(document: &Document<'_>) -> Result<(), Fault> {
             if numbers.is_ok_and(|numbers| numbers.iter().any(|number| !number.is_finite())) {
                 let cause = format!("{name}=\"{value}\" is not finite");
                 return Err(Fault::at(node, cause, "write decimal numbers"));
+            }
+            if name == "quat" && value.split_ascii_whitespace().all(|word| word.parse() == Ok(0.0)) {
+                let cause = format!("quat=\"{value}\" is no rotation");
+                return Err(Fault::at(node, cause, "write 1 0 0 0, or leave it out"));
             }
             let sequence = value.len() == 3 && value.chars().all(|axis| "xyzXYZ".contains(axis));
             if name == "eulerseq" && !sequence {

@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use rapier3d::glamx::glam::{DMat3, DVec3 as Vec3};
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::*;
 use rapier3d_mjcf::mjcf_rs::body::{Geom, GeomType, InertiaSpec, Inertial};
@@ -13,6 +14,7 @@ use rapier3d_mjcf::mjcf_rs::glam::{DQuat, DVec3};
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, assets::MeshInertia};
 
 use crate::scene::models::files::Files;
+use crate::scene::models::mass::Mass;
 use crate::scene::models::mesh::{self, Meshes};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
@@ -37,7 +39,7 @@ pub(super) fn prepare(
     let mut all = Vec::new();
     for index in 0..file.bodies.len() {
         let mut touching = Vec::new();
-        let mut mass = MassProperties::default();
+        let mut mass = Mass::default();
         let body = &file.bodies[index].body;
         let from_geoms = match file.compiler.inertia_from_geom {
             InertiaFromGeom::True => !body.geoms.is_empty(),
@@ -53,7 +55,7 @@ pub(super) fn prepare(
             }
             let placed = maker.shape(file, geom)?;
             if from_geoms && geom.type_ != GeomType::Plane && geom.type_ != GeomType::Hfield {
-                mass += maker.mass(file, geom, &placed, warnings)?;
+                mass = mass + maker.mass(file, geom, &placed, warnings)?;
             }
             if touches {
                 touching.push(placed);
@@ -74,8 +76,10 @@ pub(super) fn prepare(
         }
         let body = &mut file.bodies[index].body;
         body.geoms = geoms;
-        if from_geoms {
-            body.inertial = (mass.inv_mass > 0.0).then(|| inertial(&mass)).or(body.inertial.take());
+        if from_geoms && mass.kg > 0.0 {
+            body.inertial = Some(inertial(&mass));
+        } else if let Some(given) = &mut body.inertial {
+            *given = own_inertial(given, body.name.as_deref(), &file.compiler)?;
         }
         all.push(touching);
     }
@@ -145,24 +149,24 @@ impl Maker<'_> {
         geom: &Geom,
         (shape, pose): &Placed,
         warnings: &mut Warnings,
-    ) -> Result<MassProperties, Fault> {
+    ) -> Result<Mass, Fault> {
         let unit = match geom.type_ {
             // The hull that touches has corners; the mass is the ellipsoid's own.
             GeomType::Ellipsoid => {
-                let [x, y, z] = geom.size.map(|v| v as f32);
-                let mass = 4.0 / 3.0 * std::f32::consts::PI * x * y * z;
-                let inertia = Vector::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 5.0);
-                MassProperties::new(Vector::ZERO, mass, inertia)
+                let [x, y, z] = geom.size;
+                let kg = 4.0 / 3.0 * std::f64::consts::PI * x * y * z;
+                let moments = Vec3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (kg / 5.0);
+                Mass { kg, centre: Vec3::ZERO, inertia: DMat3::from_diagonal(moments) }
             }
             GeomType::Mesh => {
                 let asset = asset(file, geom)?;
                 let (points, triangles) = self.vertices(file, geom)?;
                 let named = asset.name.as_ref().is_some_and(|name| self.convex.contains(name));
-                if asset.inertia == MeshInertia::Exact || file.compiler.exact_mesh_inertia {
-                    mesh::triangles(points, triangles)
-                        .map_or(MassProperties::default(), |mesh| mesh.mass_properties(1.0))
-                } else if named || triangles.is_empty() {
-                    shape.mass_properties(1.0)
+                if named || triangles.is_empty() {
+                    // As in MuJoCo, vertices without faces weigh as their hull, whatever the file says.
+                    Mass::of_shape(&**shape)
+                } else if asset.inertia == MeshInertia::Exact || file.compiler.exact_mesh_inertia {
+                    mesh::enclosed(&points, &triangles)
                 } else {
                     if asset.inertia == MeshInertia::Shell {
                         warnings.add("mesh inertia shell", name_of(geom), "the mesh is solid");
@@ -170,22 +174,18 @@ impl Maker<'_> {
                     mesh::pyramids(&points, &triangles)
                 }
             }
-            _ => shape.mass_properties(1.0),
+            _ => Mass::of_shape(&**shape),
         };
-        let factor = match geom.mass {
-            Some(mass) => mass as f32 * unit.inv_mass,
-            None => geom.density.unwrap_or(file.compiler.inertia_density) as f32,
-        };
-        if factor <= 0.0 || unit.inv_mass == 0.0 {
-            return Ok(MassProperties::default());
+        let given = geom.mass.unwrap_or(geom.density.unwrap_or(file.compiler.inertia_density));
+        if given < 0.0 {
+            let cause = format!("geom {} has a mass or density of {given}", name_of(geom));
+            return Err(Fault::new(cause, "give kilograms, or kilograms per cubic metre, from 0"));
         }
-        let whole = MassProperties::with_principal_inertia_frame(
-            unit.local_com,
-            unit.mass() * factor,
-            unit.principal_inertia() * factor,
-            unit.principal_inertia_local_frame,
-        );
-        Ok(whole.transform_by(pose))
+        if given == 0.0 || unit.kg == 0.0 {
+            return Ok(Mass::default());
+        }
+        let factor = if geom.mass.is_some() { given / unit.kg } else { given };
+        Ok((unit * factor).placed(pose))
     }
 
     fn hull(&mut self, file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
@@ -283,13 +283,57 @@ fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
     Ok(SharedShape::heightfield(Array2::new(rows, columns, data), scale))
 }
 
-fn inertial(mass: &MassProperties) -> Inertial {
-    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = mass.reconstruct_inertia_matrix().to_cols_array_2d();
-    Inertial {
-        pose: mjcf::Pose::from_translation(DVec3::from_array(mass.local_com.to_array().map(f64::from))),
-        mass: mass.mass().into(),
-        inertia: InertiaSpec::Full([xx, yy, zz, xy, xz, yz].map(f64::from)),
+/// Returns a mass for the loader. Its axes are found here: the loader leaves that to Parry.
+fn inertial(mass: &Mass) -> Inertial {
+    let (moments, axes) = mass.principal();
+    let pose =
+        mjcf::Pose::from_parts(DVec3::from_array(mass.centre.to_array()), DQuat::from_array(axes.to_array()));
+    Inertial { pose, mass: mass.kg, inertia: InertiaSpec::Diagonal(moments.to_array()) }
+}
+
+/// Returns what `<inertial>` says for the loader, or an error if no body can be so. As in MuJoCo, moments of
+/// which one exceeds the sum of the others are refused, or made equal if the compiler balances them.
+fn own_inertial(
+    given: &Inertial,
+    body: Option<&str>,
+    compiler: &mjcf::compiler::Compiler,
+) -> Result<Inertial, Fault> {
+    /// Of the sum: what numbers of a few digits may lack.
+    const ROUNDING: f64 = 1e-6;
+    let name = body.map_or_else(|| "without a name".to_owned(), |name| format!("`{name}`"));
+    if given.mass < 0.0 {
+        let cause = format!("body {name} has a mass of {}", given.mass);
+        return Err(Fault::new(cause, "give kilograms, from 0"));
     }
+    let mut own = match given.inertia {
+        InertiaSpec::Diagonal(_) => given.clone(),
+        InertiaSpec::Full([xx, yy, zz, xy, xz, yz]) => inertial(&Mass {
+            kg: given.mass,
+            centre: Vec3::from_array(given.pose.translation.to_array()),
+            inertia: DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
+        }),
+    };
+    if let InertiaSpec::Diagonal(moments) = &mut own.inertia {
+        let sum: f64 = moments.iter().sum();
+        let [least, most] = [f64::min, f64::max].map(|of| moments.iter().copied().fold(moments[0], of));
+        if least < -ROUNDING * sum.abs() {
+            let cause = format!("body {name} has a moment of inertia of {least}");
+            return Err(Fault::new(cause, "give kg m², from 0; a full inertia must be positive definite"));
+        }
+        *moments = moments.map(|moment| moment.max(compiler.bound_inertia));
+        let sum: f64 = moments.iter().sum();
+        if most > (0.5 + ROUNDING) * sum && compiler.balance_inertia {
+            *moments = [sum / 3.0; 3];
+        } else if most > (0.5 + ROUNDING) * sum {
+            let cause =
+                format!("body {name} has an inertia of which one moment exceeds the sum of the others");
+            return Err(Fault::new(
+                cause,
+                "correct it, give <compiler balanceinertia=\"true\"/>, or leave <inertial> out",
+            ));
+        }
+    }
+    Ok(own)
 }
 
 fn name_of(geom: &Geom) -> String {

@@ -7,12 +7,14 @@ mod welds;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
+use rapier3d::glamx::glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 use rapier3d_urdf::urdf_rs::{self, Geometry};
 use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 
 use super::ModelParams;
 use super::files::Files;
+use super::mass::Mass;
 use super::mesh::{self, Meshes};
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
 use super::source::{Fault, Source};
@@ -177,14 +179,10 @@ fn turn(origin: &urdf_rs::Pose) -> Rotation {
 /// Returns the mass from the file's numbers: the loader does not turn the inertia by its origin's `rpy`.
 fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
-    let turn = Matrix::from_quat(turn(origin));
-    let tensor = [i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz].map(|v| v as f32);
-    let tensor = turn * Matrix::from_cols_array(&tensor) * turn.transpose();
-    MassProperties::with_inertia_matrix(
-        Vector::from(origin.xyz.0.map(|v| v as f32)),
-        mass.value as f32,
-        tensor,
-    )
+    let tensor = [i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz];
+    let own = Mass { kg: mass.value, centre: DVec3::ZERO, inertia: DMat3::from_cols_array(&tensor) };
+    let frame = Pose::from_parts(Vector::from(origin.xyz.0.map(|v| v as f32)), turn(origin));
+    own.placed(&frame).properties()
 }
 
 fn add_joints(

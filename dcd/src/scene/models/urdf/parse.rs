@@ -196,7 +196,13 @@ impl Parsed {
         }
         let limit = self.limit(node, &name, &joint_type)?;
         let dynamics = child(node, "dynamics").map(|dynamics| {
-            let of = |what| number(dynamics, what).map(|value| value.unwrap_or(0.0));
+            let of = |what| {
+                let value = number(dynamics, what)?.unwrap_or(0.0);
+                let fault = || {
+                    Fault::at(dynamics, format!("joint `{name}` has a {what} of {value}"), "give it from 0")
+                };
+                if value < 0.0 { Err(fault()) } else { Ok(value) }
+            };
             Ok(urdf_rs::Dynamics { damping: of("damping")?, friction: of("friction")? })
         });
         if child(node, "mimic").is_some() {

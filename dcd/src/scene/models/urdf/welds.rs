@@ -5,6 +5,7 @@
 
 use rapier3d::prelude::*;
 
+use crate::scene::models::mass::Mass;
 use crate::scene::models::model::{Model, Part, is_weld};
 use crate::scene::models::weights::give_inertia;
 
@@ -73,7 +74,7 @@ impl Welds {
             let body = &mut parts[top];
             // Without mass there is no inertia, whatever the file says.
             body.mass = match (body.mass.inv_mass > 0.0, mass.inv_mass > 0.0) {
-                (true, true) => body.mass + mass.transform_by(&pose),
+                (true, true) => (Mass::of(&body.mass) + Mass::of(&mass).placed(&pose)).properties(),
                 (false, true) => mass.transform_by(&pose),
                 (_, false) => body.mass,
             };

@@ -1,5 +1,7 @@
 //! Films the world of a subcommand into a glTF file: the moment at its end, or a stretch as an animation.
 
+use std::fs::File;
+use std::io::BufWriter;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -122,7 +124,8 @@ impl Camera {
         }
         let Self { draft, film, taken, failed, .. } = self;
         let path = draft.path();
-        let written = failed.map_or_else(|| draft.write(|path| film.save(path)), Err);
+        let written =
+            failed.map_or_else(|| draft.write(|path| film.write(BufWriter::new(File::create(path)?))), Err);
         written.map_err(|error| Failure::run(refused(path, &error)))?;
         let megabytes = path.metadata().map_or(0.0, |metadata| metadata.len() as f64 / 1e6);
         common.say(&format!("wrote {}: {taken} moments in {megabytes:.1} MB", path.display()));

@@ -1,6 +1,8 @@
-//! Defines the error of reading and replaying a recording.
+//! Defines the error of making, reading and replaying a recording.
 
-/// The error of reading or replaying a recording.
+use std::path::PathBuf;
+
+/// The error of making, reading or replaying a recording.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {
@@ -49,7 +51,32 @@ pub enum RecordingError {
     /// The recording is of a kind that cannot be used in this way.
     #[error("{0}")]
     Unsuitable(String),
+    /// The file that a world is to be recorded to cannot be written.
+    #[error(
+        "cannot record to \"{}\": {error}; check the path, its permissions and the disk, or name another file",
+        path.display()
+    )]
+    Unwritable {
+        /// The path of the file.
+        path: PathBuf,
+        /// What the operating system says.
+        error: std::io::Error,
+    },
+    /// A part of the recording could not be written: the file ends there.
+    #[error(
+        "the recording \"{}\" is not whole: {error}; it can be replayed up to there: make room on the disk and record again",
+        path.display()
+    )]
+    NotWhole {
+        /// The path of the file.
+        path: PathBuf,
+        /// What the operating system says.
+        error: std::io::Error,
+    },
+    /// The recording that was going on is not whole. It has ended, and no new one has begun.
+    #[error("no new recording has begun, repeat the call to begin it, for the one before failed: {0}")]
+    Former(Box<RecordingError>),
     /// The file cannot be read or written.
-    #[error("the recording cannot be read or written: {0}; check the path and its permissions")]
+    #[error("the recording cannot be read or written: {0}; check the path, its permissions and the disk")]
     Io(#[from] std::io::Error),
 }

@@ -10,7 +10,7 @@
 //!
 //! An empty chunk ends the recording. A recording without it was cut off.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -187,9 +187,22 @@ impl Background {
         }
     }
 
-    /// Creates a file, or empties it.
+    /// Creates a file, or empties it. Fails if another recording is being written to it: each would spoil the
+    /// other.
     pub fn create(path: &Path) -> io::Result<Self> {
-        Self::begin(File::create(path)?)
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+        // Devices, such as `/dev/null`, have nothing to spoil and nothing to empty.
+        if file.metadata()?.is_file() {
+            // Some file systems know no locks: there the user must see to it.
+            if let Err(TryLockError::WouldBlock) = file.try_lock() {
+                return Err(io::Error::new(
+                    io::ErrorKind::ResourceBusy,
+                    "another recording is being written to it: end that one first, or record to another file",
+                ));
+            }
+            file.set_len(0)?;
+        }
+        Self::begin(file)
     }
 
     fn begin(mut file: impl Write + Send + 'static) -> io::Result<Self> {

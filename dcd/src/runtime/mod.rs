@@ -80,6 +80,7 @@ pub use device::{DeviceError, PhysicsDevice};
 pub use directory::RedbDirectory;
 #[cfg(feature = "cli")]
 pub(crate) use directory::{is_served, is_standby, is_there};
+pub(crate) use durable::replace_file;
 #[cfg(feature = "net")]
 pub use end_request::{WorldEnd, end_world};
 #[cfg(feature = "net")]

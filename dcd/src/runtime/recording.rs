@@ -1,36 +1,46 @@
 //! Records a local world: what its program does to it, and the digests of its regions after each step.
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-use tracing::warn;
 
 use super::LocalWorld;
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
 use crate::protocol::BodyRecord;
-use crate::recording::{Operation, Recorder, RecordingError, digest};
+use crate::recording::{Background, Operation, Recorder, RecordingError, digest};
 use crate::space::{BodyId, JointId, Load};
 
 impl LocalWorld {
     /// Begins to record what is done to this world, from its present state on. A replay computes the world
-    /// again from the recording, bit for bit. A recording that was going on ends.
+    /// again from the recording, bit for bit. A recording that was going on ends; if that one is not whole,
+    /// its error is returned, and nothing begins.
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
-        self.end_former_recording();
-        self.begin(Recorder::of_local(to)?);
+        self.end_former_recording()?;
+        self.begin(Recorder::of_local(to)?, None);
+        Ok(())
+    }
+
+    /// Does the same to a file, which is created or replaced.
+    pub fn record_to(&mut self, path: &Path) -> Result<(), RecordingError> {
+        // The recording before may be to the same file.
+        self.end_former_recording()?;
+        let recorder = Background::create(path).and_then(Recorder::of_local);
+        let unwritable = |error| RecordingError::Unwritable { path: path.to_owned(), error };
+        self.begin(recorder.map_err(unwritable)?, Some(path.to_owned()));
         Ok(())
     }
 
     /// Begins to record in memory, keeping at least the last `time`. [`LocalWorld::keep_recording`] writes
-    /// it.
+    /// it. A recording that was going on ends as by [`LocalWorld::record`].
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
-        self.end_former_recording();
-        self.begin(Recorder::of_local_for(time));
+        self.end_former_recording()?;
+        self.begin(Recorder::of_local_for(time), None);
         Ok(())
     }
 
-    fn begin(&mut self, recorder: Recorder) {
-        let mut tape = Box::new(Tape::new(recorder));
+    fn begin(&mut self, recorder: Recorder, path: Option<PathBuf>) {
+        let mut tape = Box::new(Tape::new(recorder, path));
         self.host.set_hooks(tape.listen_to(self.host.hooks().cloned()));
         self.tape = Some(tape);
     }
@@ -46,15 +56,13 @@ impl LocalWorld {
     pub fn stop_recording(&mut self) -> Result<(), RecordingError> {
         let Some(tape) = self.tape.take() else { return Ok(()) };
         self.host.set_hooks(tape.hooks());
-        Ok(tape.recorder.finish()?)
+        tape.finish()
     }
 
-    /// Ends a recording that is going on. Its failure is only logged, since it must not prevent a new
-    /// recording.
-    pub(crate) fn end_former_recording(&mut self) {
-        if let Err(error) = self.stop_recording() {
-            warn!(%error, "the recording before is not whole");
-        }
+    /// Ends a recording that is going on, before another begins. That one only begins if this one is whole:
+    /// otherwise nobody would hear of it.
+    fn end_former_recording(&mut self) -> Result<(), RecordingError> {
+        self.stop_recording().map_err(|error| RecordingError::Former(Box::new(error)))
     }
 
     /// Returns whether the world is recorded.
@@ -453,15 +461,48 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_failed_does_not_keep_another_from_beginning() {
+    fn a_recording_begins_at_the_second_call_where_the_one_before_failed() {
         let mut world = ragdolls(1);
-        world.record(Full(1_000)).unwrap();
-        play(&mut world);
         let tape = Memory::default();
-        world.record(tape.clone()).unwrap();
+        for in_memory in [true, false] {
+            world.record(Full(1_000)).unwrap();
+            play(&mut world);
+            let again = |world: &mut LocalWorld| match in_memory {
+                true => world.record_last(Duration::MAX),
+                false => world.record(tape.clone()),
+            };
+            assert!(matches!(again(&mut world), Err(RecordingError::Former(_))), "in memory: {in_memory}");
+            assert!(!world.is_recorded());
+            again(&mut world).unwrap();
+        }
         play(&mut world);
         world.stop_recording().unwrap();
         assert_eq!(checked(tape.0.lock().unwrap().clone(), None), (90, None));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_told_with_the_path() {
+        let mut world = ragdolls(1);
+        world.record_to(Path::new("/dev/full")).unwrap();
+        play(&mut world);
+        let error = world.stop_recording().unwrap_err().to_string();
+        assert!(error.contains("\"/dev/full\" is not whole") && error.contains("make room"), "{error}");
+    }
+
+    #[test]
+    fn two_worlds_are_not_recorded_to_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("world.dcdr");
+        let (mut one, mut other) = (ragdolls(1), ragdolls(1));
+        one.record_to(&path).unwrap();
+        let refused = other.record_to(&path).unwrap_err().to_string();
+        assert!(refused.contains("another recording is being written to it: end that one"), "{refused}");
+        play(&mut one);
+        one.stop_recording().unwrap();
+        assert_eq!(checked(std::fs::read(&path).unwrap(), None), (90, None));
+        one.record_to(&path).unwrap();
+        one.record_to(&path).expect("a world's own recording ends first");
     }
 
     #[test]

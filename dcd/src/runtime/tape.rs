@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,7 +11,7 @@ use serde::Serialize;
 use crate::fidelity::Pace;
 use crate::physics::{ContactHooks, NotedHooks, ShapeLibrary};
 use crate::protocol::{BodyRecord, ShapeHash, encoded_len, write_state};
-use crate::recording::{Operation, Recorder};
+use crate::recording::{Operation, Recorder, RecordingError};
 use crate::space::{RegionId, Tick};
 
 /// Shapes of more bytes than this are recorded by a snapshot.
@@ -23,6 +24,8 @@ const PART: usize = 1 << 20;
 /// The recording of a local world.
 pub(super) struct Tape {
     pub(super) recorder: Recorder,
+    /// The path of the file that is written, if it is known.
+    path: Option<PathBuf>,
     since: Instant,
     /// The shapes that the recording has.
     known: BTreeSet<ShapeHash>,
@@ -35,9 +38,9 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    pub(super) fn new(recorder: Recorder) -> Self {
+    pub(super) fn new(recorder: Recorder, path: Option<PathBuf>) -> Self {
         let (known, paces) = (BTreeSet::new(), BTreeMap::new());
-        Self { recorder, since: Instant::now(), known, paces, is_stale: true, hooks: None }
+        Self { recorder, path, since: Instant::now(), known, paces, is_stale: true, hooks: None }
     }
 
     /// Records an operation, unless a snapshot will follow that includes it.
@@ -124,6 +127,14 @@ impl Tape {
         self.known = shapes.records().iter().map(|shape| shape.hash()).collect();
         self.put(Operation::Restore);
         Ok(())
+    }
+
+    /// Ends the recording, and waits until it is written.
+    pub(super) fn finish(self) -> Result<(), RecordingError> {
+        self.recorder.finish().map_err(|error| match self.path {
+            Some(path) => RecordingError::NotWhole { path, error },
+            None => error.into(),
+        })
     }
 
     /// Notes that the world was changed in a way for which there is no operation.

@@ -1,6 +1,7 @@
 //! Draws a world of any role by the program's own renderer, or into a glTF file.
 
 use std::collections::BTreeMap;
+use std::io::BufWriter;
 use std::path::Path;
 
 use super::World;
@@ -11,6 +12,7 @@ use crate::drawing::{
 use crate::physics::RegionHost;
 use crate::playback::ViewTime;
 use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::runtime::replace_file;
 use crate::space::{BodyId, Bounds, Cell, DistributionTree, JointId, RegionId};
 
 /// Drawing.
@@ -59,7 +61,8 @@ impl World {
 
     /// Writes the world as it is after the last step to a binary glTF file (`.glb`), for papers, Blender and
     /// engines. Bodies are nodes named by their ids, with their shapes in the colour of the region that owns
-    /// them. A node shows nothing of its world and returns an error.
+    /// them. A file that is there is replaced once the new one is whole. A node shows nothing of its world
+    /// and returns an error.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -76,7 +79,7 @@ impl World {
         self.sees("be drawn")?;
         let mut film = Film::default();
         film.look(&Shown::of(self, None), 0.0)?;
-        Ok(film.save(path.as_ref())?)
+        Ok(replace_file(path.as_ref(), |file| film.write(BufWriter::new(file)))?)
     }
 }
 

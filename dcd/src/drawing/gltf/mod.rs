@@ -10,7 +10,6 @@ mod primitives;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
-use std::path::Path;
 
 use super::colour;
 use super::geometry::{Mesh, Part};
@@ -158,11 +157,6 @@ impl Film {
     /// Writes the file; an empty one if no moment was taken.
     pub(crate) fn write(&self, to: impl Write) -> Result<(), GltfError> {
         document::write(self, to)
-    }
-
-    /// Writes the file to this path.
-    pub(crate) fn save(&self, path: &Path) -> Result<(), GltfError> {
-        self.write(io::BufWriter::new(std::fs::File::create(path)?))
     }
 }
 

@@ -13,8 +13,8 @@ mod header;
 mod tests;
 
 use std::fs::{self, File};
-use std::io::{self, BufReader, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use super::choice::Why;
 use super::config::check_threads;
-use super::durable::sync_name;
+use super::durable::{irregular, replace_file};
 use super::joint_strength::Strengths;
 use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
@@ -128,28 +128,14 @@ impl LocalWorld {
     /// whole one. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes and
     /// folders are refused.
     pub fn save_file(&self, path: &Path) -> Result<(), SnapshotError> {
-        let path = &place_of(path)?;
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let written = File::create(&part).map_err(SnapshotError::from).and_then(|file| {
-            self.save(BufWriter::new(&file))?;
-            // Without this the new name might be on the disk before the content: after a power cut an empty
-            // file would be all that is left.
-            file.sync_all()?;
-            fs::rename(&part, path)?;
-            Ok(sync_name(path)?)
-        });
-        if written.is_err() {
-            let _ = fs::remove_file(&part);
-        }
-        written
+        replace_file(path, |file| self.save(BufWriter::new(file)))
     }
 
     /// Opens a file for [`LocalWorld::restore`] or [`LocalWorld::reload`]. Devices, pipes and folders are
     /// refused: some never end.
     pub fn open_snapshot(path: &Path) -> Result<impl Read + use<>, SnapshotError> {
         if !fs::metadata(path)?.is_file() {
-            return Err(irregular());
+            return Err(irregular().into());
         }
         Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
@@ -158,20 +144,6 @@ impl LocalWorld {
     pub fn is_snapshot(beginning: &[u8]) -> bool {
         beginning.starts_with(&header::MAGIC)
     }
-}
-
-/// Returns the path that a file of this path is written to: the target of a symbolic link. Anything but a
-/// regular file there is an error.
-fn place_of(path: &Path) -> Result<PathBuf, SnapshotError> {
-    match fs::metadata(path) {
-        Ok(found) if found.is_file() => Ok(fs::canonicalize(path)?),
-        Ok(_) => Err(irregular()),
-        Err(_) => Ok(path.to_owned()),
-    }
-}
-
-fn irregular() -> SnapshotError {
-    io::Error::new(io::ErrorKind::InvalidInput, "there is something that is not a regular file").into()
 }
 
 #[derive(Serialize)]

@@ -198,7 +198,8 @@ pub(super) fn tell_cuts(replay: &Worlds, common: &Common) {
                 "{name} has no end, as that of a process that was killed: it is replayed as far as it goes, and stops {place}"
             )),
             Cut::WithinChunk => common.tell(&format!(
-                "{name} is cut off {place}: the rest of the file is missing, or its disk was full or its process killed while it                  wrote"
+                "{name} is cut off {place}: the rest of the file is missing, or its disk was full or its process killed while it \
+                 wrote"
             )),
         }
     }

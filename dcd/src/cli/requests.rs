@@ -254,7 +254,7 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
         Some(Verb::Backup) => {
             let bodies = server.back_up(file).map_err(|error| (FAILED, error.to_string()))?;
             Ok(format!(
-                "backed up to {shown}, with {bodies} movable bodies: the server's own command goes on with the world, with --data {shown} and \
+                "backed up to {shown}, with {bodies} movable bodies (avatars of clients that are away, too): the server's own command goes on with the world, with --data {shown} and \
                  without --directory"
             ))
         }

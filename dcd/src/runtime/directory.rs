@@ -131,7 +131,7 @@ fn in_etcd(
             if !std::mem::replace(&mut is_away, true) {
                 tracing::warn!(
                     place = address,
-                    holder = why,
+                    reason = why,
                     "etcd does not answer as it should; asking again"
                 );
             }

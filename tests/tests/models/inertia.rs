@@ -7,9 +7,9 @@ use std::fs;
 use dcd::physics::Measured;
 use dcd::runtime::{LocalWorld, WorldConfig};
 use proptest::prelude::*;
+use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use rapier3d::glamx::glam::{DMat3, DQuat, DVec3};
-use rapier3d::prelude::*;
 
 use crate::compare::scene;
 

@@ -92,6 +92,11 @@ fn bodies() -> Vec<Row> {
         }),
         row("inertial fullinertia", Carried, inertial(r#"mass="2" fullinertia="1 2 2.5 .1 0 0""#), |s| near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][1], 0.1)),
         row("inertial without inertia", Warned, inertial(r#"mass="2""#), |s| s.warnings[0].starts_with("inertia")),
+        row("inertial mass below 0", Refused, inertial(r#"mass="-1" diaginertia="1 1 1""#), any),
+        row("inertial with a moment above the sum of the others", Refused, inertial(r#"mass="1" diaginertia="1 1 5""#), any),
+        row("compiler balanceinertia", Carried, inertial(r#"mass="1" diaginertia="1 1 5""#).replace("<mujoco>", r#"<mujoco><compiler balanceinertia="true"/>"#), |s| near3(mass(s, 0).principal_inertia(), [7.0 / 3.0; 3])),
+        row("quat 0 0 0 0", Refused, world(r#"<body quat="0 0 0 0"><freejoint/><geom size=".1"/></body>"#), any),
+        row("two bodies, joints or geoms of one name", Refused, world(r#"<body name="a"><joint/><geom size=".1"/></body><body name="a"><joint/><geom size=".1"/></body>"#), any),
         row("default, class, childclass", Carried, "<mujoco><default><geom mass=\"3\"/><default class=\"c\"><geom type=\"box\" size=\".1 .1 .1\"/></default></default><worldbody><body childclass=\"c\"><freejoint/><geom/></body></worldbody></mujoco>".into(), |s| near(mass(s, 0).mass(), 3.0) && shape(s).as_cuboid().is_some()),
         row("default pos and orientation, each by itself", Carried, classes(), |s| near3(ends(s, 0)[1], [0.3, 0.32, 0.1]) && near3(ends(s, 1)[1], [1.2, 0.1, 0.3]) && near3(ends(s, 2)[1], [0.1, 0.02, 1.1])),
         row("include", Carried, world(r#"<include file="part.xml"/>"#), |s| s.bodies.len() == 1 && mass(s, 0).mass() > 0.0),
@@ -229,6 +234,7 @@ fn joints() -> Vec<Row> {
             arm(r#"solreflimit=".02 1" margin=".01""#, ""),
             |s| s.joints.len() == 1,
         ),
+        row("axis 0 0 0 of a hinge or slide", Refused, arm(r#"axis="0 0 0""#, ""), any),
         row(
             "a free joint beside others",
             Refused,
@@ -261,6 +267,7 @@ fn geoms() -> Vec<Row> {
         row("geom fromto of a box", Carried, geom(r#"type="box" size=".05" fromto="0 0 0 0 0 1""#), |s| near3(shape(s).as_cuboid().unwrap().half_extents, [0.05, 0.05, 0.5])),
         row("geom mesh, obj and stl", Carried, mesh(r#"file="tetra.stl" scale="2 2 2""#), |s| near(shape(s).mass_properties(1.0).mass(), 8.0 / 6.0)),
         row("mesh vertex", Carried, mesh(r#"vertex="0 0 0 1 0 0 0 1 0 0 0 1""#), |s| near(shape(s).mass_properties(1.0).mass(), 1.0 / 6.0)),
+        row("mesh vertex without face, inertia exact", Carried, weighed(r#"vertex="0 0 0 1 0 0 0 1 0 0 0 1" inertia="exact""#), |s| near(mass(s, 0).mass(), 1000.0 / 6.0)),
         row("mesh face of no vertex", Refused, weighed(r#"vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 1 9 0 1 3 0 3 2 1 2 3""#), any),
         row("mesh inertia of a class", Carried, r#"<mujoco><default><mesh inertia="convex"/></default><asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1 2 0 0" face="0 2 1 0 1 3 0 3 2 1 2 3"/></asset><worldbody><body><freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>"#.into(), |s| near(mass(s, 0).mass(), 1000.0 / 3.0)),
         row("mesh inertia legacy (the default), exact, convex", Carried, weighed(r#"file="cube.obj""#), |s| near(mass(s, 0).mass(), 1000.0)),
@@ -282,6 +289,7 @@ fn geoms() -> Vec<Row> {
         row("hfield file", Refused, field(r#"file="terrain.png""#), any),
         row("geom sdf", Refused, geom(r#"type="sdf" mesh="m""#).replace(r#" mesh="m""#, ""), any),
         row("geom mass, density", Carried, geom(r#"size=".1" mass="7""#), |s| near(mass(s, 0).mass(), 7.0)),
+        row("geom mass, density below 0", Refused, geom(r#"size=".1" density="-1""#), any),
         row("compiler inertiafromgeom", Carried, world(r#"<body><freejoint/><inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/><geom size=".1" mass="1"/></body>"#).replace("<mujoco>", r#"<mujoco><compiler inertiafromgeom="true"/>"#), |s| near(mass(s, 0).mass(), 1.0)),
         row("body sleep", Warned, world(r#"<body sleep="never"><freejoint/><geom size=".1"/></body>"#), any),
         row("body sleep=auto", Carried, world(r#"<body sleep="auto"><freejoint/><geom size=".1"/></body>"#), |s| s.bodies.len() == 1),
@@ -423,6 +431,9 @@ fn rest() -> Vec<Row> {
             actuator(r#"<position joint="j" dampratio="1"/>"#),
             any,
         ),
+        row("actuator of a joint that is not there", Warned, actuator(r#"<position joint="nope"/>"#), |s| {
+            s.warnings[0].contains("not there of nope")
+        }),
         row("actuator muscle, adhesion, cylinder", Warned, actuator(r#"<muscle joint="j"/>"#), any),
         row(
             "actuator of a tendon, site or body",
@@ -516,6 +527,12 @@ fn rest() -> Vec<Row> {
             any,
         ),
         row("an unknown element", Refused, ball("<wheels/>"), any),
+        row(
+            "an unknown attribute of a body, joint, geom or inertial",
+            Warned,
+            geom(r#"size=".1" desnity="3""#),
+            |s| s.warnings[0].contains("g (desnity)"),
+        ),
         row("XML that is none", Refused, "<mujoco><worldbody></mujoco>".into(), any),
     ]
 }

@@ -53,7 +53,11 @@ fn links() -> Vec<Row> {
     vec![
         row("inertial mass, inertia, origin xyz", Carried, robot(r#"<link name="a"><inertial><origin xyz="0 0 1"/><mass value="2"/><inertia ixx="1" ixy=".1" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial></link>"#), |s| near(mass(s, 0).mass(), 2.0) && near3(mass(s, 0).local_com, [0.0, 0.0, 1.0]) && near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][1], 0.1)),
         row("inertial origin rpy", Carried, robot(r#"<link name="a"><inertial><origin rpy="0 0 1.5707963"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="2.5"/></inertial></link>"#), |s| near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][0], 2.0)),
-        row("inertial without inertia", Warned, robot(r#"<link name="a"><inertial><mass value="2"/></inertial></link>"#), |s| mass(s, 0).principal_inertia().min_element() > 0.0),
+        row("inertial without inertia", Warned, robot(r#"<link name="a"><inertial><mass value="2"/></inertial><collision><geometry><cylinder radius=".05" length="1"/></geometry></collision></link>"#), |s| {
+            let [[xx, ..], [_, yy, _], [.., zz]] = mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d();
+            near(xx, 0.16792) && near(yy, 0.16792) && (zz - 0.0025).abs() < 1e-5
+        }),
+        row("inertia that no body can have", Warned, robot(r#"<link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="5" ixy="3" ixz="0" iyz="0"/></inertial></link>"#), |s| s.warnings[0].starts_with("inertia that no body can have") && mass(s, 0).principal_inertia().min_element() > 0.0),
         row("root without mass", Warned, robot(r#"<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>"#), |s| s.bodies[0].body.body_type == RigidBodyType::Fixed),
         row("root without mass, fixed to a link that has it (base_inertia)", Carried, robot(&format!(r#"<link name="base">{BALL}</link>{}<joint name="j" type="fixed"><parent link="base"/><child link="a"/><origin xyz="0 0 1"/></joint>"#, link("a", ""))), |s| s.bodies.len() == 1 && s.bodies[0].body.body_type == RigidBodyType::Dynamic && s.bodies[0].colliders.len() == 1 && near(mass(s, 0).mass(), 1.0) && near3(mass(s, 0).local_com, [0.0, 0.0, 1.0])),
         row("link without mass between others", Carried, robot(&format!(r#"{}<link name="f"><collision><geometry><sphere radius=".1"/></geometry></collision></link><joint name="j" type="continuous"><parent link="a"/><child link="f"/></joint>"#, link("a", ""))), |s| near(mass(s, 0).mass() + mass(s, 1).mass(), 1.0) && mass(s, 1).mass() > 0.0),
@@ -152,6 +156,7 @@ fn joints() -> Vec<Row> {
         row("dynamics friction", Carried, arm("continuous", r#"<dynamics friction=".5"/>"#), |s| {
             joint(s, 0).motors[3].max_force == 0.5
         }),
+        row("dynamics below 0", Refused, arm("continuous", r#"<dynamics damping="-3"/>"#), any),
         row(
             "dynamics friction beside damping",
             Warned,
@@ -223,6 +228,18 @@ fn joints() -> Vec<Row> {
                 r#"<joint name="k" type="fixed"><parent link="b"/><child link="b"/></joint></robot>"#,
             ),
             any,
+        ),
+        row(
+            "an unknown attribute of a link or joint",
+            Warned,
+            arm("revolute", r#"<limit lowr="-1" upper="1"/>"#),
+            |s| s.warnings[0].contains("j (limit lowr)"),
+        ),
+        row(
+            "an unknown element of a link or joint",
+            Warned,
+            arm("continuous", r#"<axsi xyz="0 0 1"/>"#),
+            |s| s.warnings[0].contains("j (axsi)"),
         ),
         row("a number that is none", Refused, arm("continuous", r#"<dynamics damping="1,5"/>"#), any),
     ]

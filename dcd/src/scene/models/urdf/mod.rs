@@ -2,6 +2,7 @@
 
 mod parse;
 mod roots;
+mod unknown;
 mod welds;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use rapier3d_urdf::urdf_rs::{self, Geometry, JointType, Pose, Vec3};
 use roxmltree::{Document, Node};
 
+use super::unknown;
 use crate::scene::models::model::MAX_BODIES;
 use crate::scene::models::source::{Fault, child, elements, required};
 use crate::scene::models::warnings::Warnings;
@@ -72,6 +73,7 @@ pub(super) fn parse(document: &Document<'_>) -> Result<Parsed, Fault> {
 impl Parsed {
     fn link(&mut self, node: Node<'_, '_>) -> Result<(), Fault> {
         let name = required(node, "name")?.to_owned();
+        unknown::warn(node, &name, &mut self.warnings);
         let mut link = urdf_rs::Link {
             name: name.clone(),
             inertial: urdf_rs::Inertial::default(),
@@ -151,6 +153,7 @@ impl Parsed {
 
     fn joint(&mut self, node: Node<'_, '_>) -> Result<(), Fault> {
         let name = required(node, "name")?.to_owned();
+        unknown::warn(node, &name, &mut self.warnings);
         let joint_type = match required(node, "type")? {
             "revolute" => JointType::Revolute,
             "continuous" => JointType::Continuous,

@@ -115,8 +115,9 @@ impl Playhead {
     ) -> (f64, bool) {
         let target = (world_tick - self.depth_s() / period_s).min(limit);
         let Some((shown, at)) = self.shown else {
-            self.shown = Some((target, now));
-            return (target, false);
+            // A world that is younger than the buffer is deep is shown as it began.
+            self.shown = (target >= 0.0).then_some((target, now));
+            return (target.max(0.0), false);
         };
         let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
         let off = target - (shown + elapsed);
@@ -127,7 +128,7 @@ impl Playhead {
         let ease = EASE_PER_S * elapsed * period_s;
         self.slew += (wanted - self.slew).clamp(-ease, ease);
         let next = match jumps {
-            true => target,
+            true => target.max(0.0),
             false => (shown + elapsed * (1.0 + self.slew)).min(limit.max(shown)),
         };
         self.shown = Some((next, now));
@@ -182,6 +183,16 @@ mod tests {
         for pair in shown[60..].windows(2) {
             let pace = (pair[1].1 - pair[0].1) / 1.7;
             assert!((0.89..1.11).contains(&pace), "{pace}");
+        }
+    }
+
+    #[test]
+    fn a_young_world_is_shown_from_its_beginning_on() {
+        let shown = play(|_| 1.0);
+        assert_eq!(shown[0].1, 0.0);
+        for pair in shown[..60].windows(2) {
+            let pace = (pair[1].1 - pair[0].1) / 1.7;
+            assert!((0.0..1.6).contains(&pace), "{pair:?}");
         }
     }
 

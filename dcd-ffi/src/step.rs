@@ -36,7 +36,7 @@ pub extern "C" fn dcd_step(world: DcdWorld) -> DcdStatus {
 /// waits until the step is done, and then sees its result.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY (a step was begun and dcd_step_wait has not told of it yet), DCD_ERR_LIMIT
-/// (no thread).
+/// (no thread), DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step_begin(world: DcdWorld) -> DcdStatus {
     guard("dcd_step_begin", || cell(world)?.begin().unwrap_or_else(|| Err(stale("world", world.v))))

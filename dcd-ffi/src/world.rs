@@ -321,7 +321,8 @@ pub(crate) unsafe fn open(
 /// Destroys a local world with everything in it, or leaves a served one, where the avatars of this process wait for its return. The
 /// world's handles become stale, and what dcd_state_view and dcd_events lent is freed.
 ///
-/// The call waits for a call that runs on the world in another thread. Calls that wait behind it find the world gone.
+/// The call waits for a call that runs on the world in another thread. Calls that wait behind it find the world gone. A recording
+/// ends, and whether it is whole is only logged (dcd_log_set): call dcd_record_stop first in a local world.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
@@ -367,7 +368,7 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::{DCD_ERR_PANIC, DCD_ERR_STALE_ID, DCD_OK};
+    use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_PANIC, DCD_ERR_STALE_ID, DCD_OK};
     use crate::step::{DCD_FOREVER, dcd_step, dcd_step_begin, dcd_step_wait};
 
     #[test]
@@ -394,16 +395,20 @@ mod tests {
         assert_eq!(status, DCD_ERR_PANIC);
         assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
         assert_eq!(dcd_step(other), DCD_OK);
-        assert_eq!(dcd_step_begin(broken), DCD_OK);
-        assert_eq!(dcd_step_wait(broken, DCD_FOREVER), DCD_ERR_PANIC);
+        assert_eq!(dcd_step_begin(broken), DCD_ERR_PANIC);
+        assert_eq!(dcd_step_wait(broken, DCD_FOREVER), DCD_ERR_ARGUMENT, "nothing was begun");
+        // This thread keeps the world that it called last.
+        assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
         assert_eq!(dcd_world_destroy(broken), DCD_OK);
         assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
+        assert_eq!(dcd_step_begin(broken), DCD_ERR_STALE_ID);
         let asked = add(local(), 0);
         let status = guard("dcd_test", || registry::ask(asked, |_| panic!("a bug of a query")));
         assert_eq!(status, DCD_ERR_PANIC);
         assert_eq!(dcd_step(asked), DCD_ERR_PANIC);
         assert_eq!(guard("dcd_test", || registry::ask(asked, |_| Ok(()))), DCD_ERR_PANIC);
         assert_eq!(dcd_world_destroy(asked), DCD_OK);
+        assert_eq!(guard("dcd_test", || registry::ask(asked, |_| Ok(()))), DCD_ERR_STALE_ID);
         assert_eq!(dcd_world_destroy(other), DCD_OK);
     }
 }

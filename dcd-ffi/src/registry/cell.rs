@@ -106,6 +106,9 @@ impl Cell {
                 }
             }
         }
+        if self.world.is_poisoned() {
+            return Some(Err(poisoned()));
+        }
         self.stepping.store(true, Ordering::Release);
         let (orders, _) = background.thread.as_ref()?;
         // The thread lives as long as it is kept here, so it takes the order.
@@ -143,8 +146,10 @@ impl Cell {
             // The thread has nothing to do, and panics nowhere.
             let _ = thread.join();
         }
-        // A poisoned world is destroyed like any other.
-        self.world.write().unwrap_or_else(PoisonError::into_inner).take()
+        // A poisoned world is destroyed like any other, and is gone afterwards for every call, as any other.
+        let world = self.world.write().unwrap_or_else(PoisonError::into_inner).take();
+        self.world.clear_poison();
+        world
     }
 
     fn background(&self) -> MutexGuard<'_, Background> {

@@ -74,9 +74,9 @@ pub struct DcdHookedContact {
     pub separation: f32,
     /// Number of the contact's points. To be read only.
     pub points: u32,
-    /// 1 at first. 0 takes the contact out of this step: the colliders touch and do not push.
+    /// 1 at first. 0 takes the contact out of this step: the colliders touch and do not push. Any other number counts as 1.
     pub enabled: u32,
-    /// Friction: Coulomb coefficient, 0 or more.
+    /// Friction: Coulomb coefficient, 0 or more and finite.
     pub friction: f32,
     /// Restitution, 0 to 1.
     pub restitution: f32,
@@ -87,12 +87,15 @@ pub struct DcdHookedContact {
     pub memory: u32,
 }
 
-/// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT.
+/// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT. Any other answer counts as DCD_MEET_PUSH, and
+/// nothing tells of it.
 pub type DcdFilterFn =
     Option<unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair) -> DcdPairAnswer>;
 /// Returns whether a sensor detects another collider.
 pub type DcdDetectFn = Option<unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair) -> bool>;
-/// Changes a contact before it is solved.
+/// Changes a contact before it is solved. A member that is out of its range afterwards (a friction that is NaN or below 0, a
+/// restitution above 1, a surface_velocity that is not finite) is left as it was, and nothing tells of it. What is to be read only is
+/// not read back.
 pub type DcdModifyFn = Option<
     unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair, contact: *mut DcdHookedContact),
 >;

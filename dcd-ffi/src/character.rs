@@ -50,7 +50,8 @@ unsafe impl Sized32 for DcdCharacterDef {
 /// In a served world the node that computes the character walks it, also a client's: it stops at a wall without a delay, and its
 /// client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together. Its characters take
 /// steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
-/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type, a sensor, or a setting out of range).
+/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type, a sensor, a shape without volume such as terrain or a
+/// segment, or a setting out of range).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_character_create(
     world: DcdWorld,

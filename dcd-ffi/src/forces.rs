@@ -124,7 +124,8 @@ pub unsafe extern "C" fn dcd_explode(
 ///
 /// Neither drag nor damping ever turns a motion about. Buoyancy comes at once and weight over the step. So between two steps what
 /// floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace
-/// nothing and are left alone. The border of rounded shapes does not count, as it does not for their mass.
+/// nothing and are left alone. The border of rounded shapes does not count, as it does not for their mass. No fluid makes a body
+/// faster than the world's speed limit.
 ///
 /// `fluid` is read during the call.
 /// Errors:

@@ -85,8 +85,8 @@ impl World {
     /// [`World::velocity`] returns how it moves. A velocity that [`World::update`] sets is replaced at the
     /// next tick. Every role inserts a character as by [`World::insert_at`], but a builder's is an avatar
     /// too. In a served world nodes move a client's characters, so that they stop at walls without delay; the
-    /// client cannot set their poses. A body of another kind, or without a collider that is no sensor, is
-    /// refused.
+    /// client cannot set their poses. A body of another kind is refused, and one whose first collider that is
+    /// no sensor has no volume, as terrain.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -124,6 +124,14 @@ impl World {
         if colliders.iter().all(|collider| collider.is_sensor) {
             let count = format!("{} colliders", colliders.len());
             return refused("colliders of a character", count, "one or more that are no sensors");
+        }
+        // The first one is its shape.
+        let shape = colliders.iter().find(|collider| !collider.is_sensor).map(|collider| &collider.shape);
+        if let Some(shape) = shape.filter(|shape| shape.mass_properties(1.0).mass() <= 0.0) {
+            let kind = format!("{:?}", shape.shape_type());
+            let range =
+                "one with volume, such as a capsule, a box or a hull: terrain, segments and planes have none";
+            return refused("shape of a character", kind, range);
         }
         match &mut self.inner {
             Inner::Local(world) => {

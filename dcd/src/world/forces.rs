@@ -104,3 +104,89 @@ fn push_all(world: &mut LocalWorld, pushes: &[Push]) -> Result<usize, Error> {
     }
     Ok(pushes.len())
 }
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::physics::StepSettings;
+    use crate::protocol::{Character, Velocity, WorldPose};
+    use crate::runtime::WorldConfig;
+
+    /// Returns a world with the highest speed limit, and a box and a light ball in it.
+    fn fast_world() -> (World, [BodyId; 2]) {
+        let step = StepSettings::default().with_speed_limit(1e6);
+        let mut world = World::new(WorldConfig { step, ..WorldConfig::default() }).unwrap();
+        let cube = ColliderBuilder::cuboid(1.0, 1.0, 1.0).density(1000.0);
+        let ball = ColliderBuilder::ball(0.5).mass(1e-5);
+        let bodies = [(0.0, cube), (4.0, ball)].map(|(x, collider)| {
+            world.insert_at(WorldPose::at([x, -2.0, 0.3]), RigidBodyBuilder::dynamic(), [collider]).unwrap()
+        });
+        (world, bodies)
+    }
+
+    #[test]
+    fn water_wind_and_explosions_of_any_strength_make_nothing_faster_than_its_bound() {
+        let (mut world, bodies) = fast_world();
+        let storm = Fluid {
+            surface_m: f64::INFINITY,
+            density_kg_m3: 1e6,
+            velocity_m_s: [1e6, 0.0, 0.0],
+            drag: 1e6,
+            lift: 1e6,
+            damping_per_s: 1e6,
+            ..Fluid::default()
+        };
+        let blast = Explosion { impulse_ns_m2: 1e30, radius_m: 1e6, ..Explosion::default() };
+        for i in 0..20 {
+            world.flow(&storm).unwrap();
+            world.explode(&blast).unwrap();
+            for body in bodies {
+                let Velocity { linear, angular } = world.velocity(body).unwrap();
+                let [speed, spin] = [linear, angular].map(|v| Vector::from(v).length());
+                assert!(
+                    (9e5..=1e6).contains(&speed) && spin <= 1e6,
+                    "{body} in {i}: {speed} m/s {spin} rad/s"
+                );
+            }
+            world.set_pose(bodies[0], WorldPose::at([0.0, -2.0, 0.3])).unwrap();
+            world.set_pose(bodies[1], WorldPose::at([4.0, -2.0, 0.3])).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_push_that_is_too_much_is_refused_in_words() {
+        let (mut world, [body, _]) = fast_world();
+        let mut refused = |push: Push| world.push(&push).unwrap_err().to_string();
+        let too_much = "it would make the body faster than 1e6 m/s or 1e6 rad/s; push it less";
+        assert_eq!(
+            refused(Push::impulse(body, [3e30, 0.0, 0.0])),
+            format!(
+                "push is an impulse of [3e30, 0.0, 0.0] N s and [0.0, 0.0, 0.0] N m s on {body}: {too_much}"
+            )
+        );
+        assert_eq!(
+            refused(Push::force(body, [0.0; 3], [0.0, 1e30, 0.0])),
+            format!("push is a force of [0.0, 0.0, 0.0] N and [0.0, 1e30, 0.0] N m on {body}: {too_much}")
+        );
+        assert!(refused(Push::impulse(body, [f32::NAN; 3])).ends_with(": give finite numbers"));
+    }
+
+    #[test]
+    fn a_character_without_volume_is_refused() {
+        let (mut world, _) = fast_world();
+        let heights = Array2::new(2, 2, vec![0.0; 4]);
+        let flat = [
+            ColliderBuilder::heightfield(heights, Vector::splat(4.0)),
+            ColliderBuilder::segment(Vector::ZERO, Vector::Y),
+            ColliderBuilder::new(SharedShape::halfspace(Vector::Y)),
+        ];
+        for shape in flat {
+            let body = RigidBodyBuilder::kinematic_velocity_based();
+            let at = WorldPose::at([9.0, 9.0, 9.0]);
+            let refused = world.insert_character(at, &Character::default(), body, [shape]).unwrap_err();
+            assert!(refused.to_string().contains("one with volume, such as a capsule"), "{refused}");
+        }
+    }
+}

@@ -25,7 +25,8 @@ use crate::space::Bounds;
 ///   across the flow counts. It never gives more speed across the flow than there is along it.
 /// - **Damping** slows motion and spin down by `damping_per_s` times the displaced mass over the body's own.
 ///
-/// Drag and damping never reverse a motion.
+/// Drag and damping never reverse a motion. Whatever the numbers, a fluid makes no body faster than the world's
+/// speed limit.
 ///
 /// Terrain and flat meshes displace nothing and are left alone. The lift of an open mesh means nothing: close
 /// it. The border of round shapes does not count, as in Rapier's masses.

@@ -12,10 +12,13 @@ use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
 use super::convert;
-use super::host::RegionHost;
+use super::host::{MOST_M_S, RegionHost};
 use super::query::BodyFilter;
 use crate::protocol::Push;
 use crate::space::BodyId;
+
+/// The share of a bound on velocities that pushes use: their rounding stays below the rest.
+const BELOW: f32 = 1.0 - 1e-6;
 
 /// Returns a predicate that tells whether a collider is in one of the groups of `mask`.
 fn is_in(mask: u32) -> impl Fn(BodyId, &Collider) -> bool {
@@ -72,11 +75,17 @@ impl<'a> Target<'a> {
         convert::region_point(self.centre, point)
     }
 
-    /// Returns the push of an impulse and an angular impulse, scaled down so that it changes the body's speed
-    /// by at most `limit_m_s`; `None` if it is zero or not finite.
+    /// Returns the push of an impulse and an angular impulse, scaled down so that it makes the body no faster
+    /// than `limit_m_s` and no push may; `None` if it is zero or not finite.
     fn push(&self, linear: Vector, angular: Vector, limit_m_s: f32) -> Option<Push> {
-        let kick_m_s = linear.length() / self.mass_kg;
-        let part = if kick_m_s > limit_m_s { limit_m_s / kick_m_s } else { 1.0 };
+        let inv_inertia = self.body.mass_properties().effective_world_inv_inertia;
+        let turn_rad_s = inv_inertia * (angular * (1.0 / self.share));
+        let velocity = self.body.vels();
+        let part = part_within(velocity.linvel, linear / self.mass_kg, limit_m_s * BELOW).min(part_within(
+            velocity.angvel,
+            turn_rad_s,
+            MOST_M_S * BELOW,
+        ));
         let (linear, angular) = (linear * part, angular * part);
         let does =
             linear.is_finite() && angular.is_finite() && (linear, angular) != (Vector::ZERO, Vector::ZERO);
@@ -85,9 +94,40 @@ impl<'a> Target<'a> {
     }
 }
 
+/// Returns the largest part of a change, up to 1, that leaves a velocity no larger than `most`, or than it is.
+fn part_within(before: Vector, change: Vector, most: f32) -> f32 {
+    // In f64 no square of an f32 overflows.
+    let (before, change) = (before.as_dvec3(), change.as_dvec3());
+    let square = change.length_squared();
+    let room = (f64::from(most).powi(2) - before.length_squared()).max(0.0);
+    // The larger root s of |before + s change|² = most², or = |before|² where that is more.
+    let along = before.dot(change);
+    let part = ((along * along + square * room).sqrt() - along) / square;
+    // Of no change at all any part will do.
+    if part.is_nan() { 1.0 } else { part.clamp(0.0, 1.0) as f32 }
+}
+
 impl RegionHost {
     /// Returns the direction against gravity; +y where there is none.
     fn up(&self) -> Vector {
         (-convert::vector(self.settings().gravity)).try_normalize().unwrap_or(Vector::Y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_cut_to_what_leaves_a_velocity_within_its_bound() {
+        let [still, fast] = [Vector::ZERO, Vector::X * 8.0];
+        assert_eq!(part_within(still, Vector::ZERO, 10.0), 1.0);
+        assert_eq!(part_within(fast, Vector::X, 10.0), 1.0);
+        assert_eq!(part_within(still, Vector::Y * 40.0, 10.0), 0.25);
+        assert_eq!(part_within(fast, Vector::Y * 12.0, 10.0), 0.5);
+        assert_eq!(part_within(fast, Vector::X * -36.0, 10.0), 0.5);
+        assert_eq!(part_within(fast, Vector::X, 5.0), 0.0, "it gets no faster");
+        assert_eq!(part_within(fast, -Vector::X, 5.0), 1.0, "it gets slower");
+        assert_eq!(part_within(still, Vector::Y * 1e30, 1e6), 1e-24);
     }
 }

@@ -17,7 +17,7 @@ use crate::protocol::{
 use crate::space::{BodyId, JointId};
 
 /// The speed, m/s and rad/s, above which nothing pushes a body.
-const MOST_M_S: f32 = 1e6;
+pub(in crate::physics) const MOST_M_S: f32 = 1e6;
 
 impl RegionHost {
     /// Sets how the world is stepped from the next tick on. If gravity is another, wakes what sleeps, and has what is

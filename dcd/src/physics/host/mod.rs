@@ -27,6 +27,7 @@ mod threads;
 mod validate;
 
 pub use self::borders::BorderView;
+pub(in crate::physics) use self::change::MOST_M_S;
 pub(crate) use self::checkpoint::Checkpoint;
 pub use self::error::HostError;
 pub use self::tasks::Tasks;

@@ -2,7 +2,7 @@
 
 use super::LocalWorld;
 use crate::physics::HostError;
-use crate::protocol::{Check, Drive, Invalid, Push, Velocity, WorldPose};
+use crate::protocol::{Check, Drive, Push, Velocity, WorldPose};
 use crate::recording::Operation;
 use crate::runtime::WorldError;
 use crate::runtime::config::check_speed;
@@ -11,15 +11,20 @@ use crate::space::BodyId;
 impl LocalWorld {
     /// Pushes a dynamic body, and wakes it.
     pub fn push(&mut self, push: &Push) -> Result<(), WorldError> {
-        push.check().map_err(|Invalid { field, rule }| WorldError::Setting {
-            what: field,
-            value: format!("{push:?}"),
-            range: rule,
-        })?;
+        let refused = |range| {
+            let Push { body, linear, angular, .. } = push;
+            let value = match push.lasts {
+                true => format!("a force of {linear:?} N and {angular:?} N m on {body}"),
+                false => format!("an impulse of {linear:?} N s and {angular:?} N m s on {body}"),
+            };
+            Err(WorldError::Setting { what: "push", value, range })
+        };
+        if push.check().is_err() {
+            return refused("give finite numbers");
+        }
         self.host.attend(push.body)?;
         if self.host.is_too_much(push) {
-            let range = "so much that the body gets no faster than 1e6 m/s and 1e6 rad/s";
-            return Err(WorldError::Setting { what: "push", value: format!("{push:?}"), range });
+            return refused("it would make the body faster than 1e6 m/s or 1e6 rad/s; push it less");
         }
         let done = self.host.push(push);
         self.tape(done, || Operation::Push(*push));

@@ -184,7 +184,8 @@ pub unsafe extern "C" fn dcd_debug_draw(
 }
 
 /// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines. Bodies are nodes named by
-/// their numbers ("b7", "c2/b0"), with their shapes in the colour of the region that owns them. A file at `path` is replaced.
+/// their numbers ("b7", "c2/b0"), with their shapes in the colour of the region that owns them. A file that is there is replaced once
+/// the new one is whole. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes and folders are refused.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT (a file above 4 GiB), DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
@@ -192,7 +193,7 @@ pub unsafe extern "C" fn dcd_gltf_save_file(world: DcdWorld, path: *const c_char
     guard("dcd_gltf_save_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        with(world, |world| Ok(world.dcd.save_gltf(path)?))
+        with(world, |world| world.dcd.save_gltf(path).map_err(|error| Failure::from(error).of_file(path)))
     })
 }
 

@@ -11,7 +11,7 @@ use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{self, Room};
 use crate::registry::with;
-use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
+use crate::status::{DcdStatus, Failure};
 
 /// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in
 /// this program or another one of the same build. Handles of shapes, views, and the user_data of the world are not part of it.
@@ -46,7 +46,8 @@ pub unsafe extern "C" fn dcd_snapshot_save(
 }
 
 /// Saves a world to a file, as dcd_snapshot_save does. `dcd run` goes on with such a file, and writes them by --save. A file that
-/// is there is replaced once the new one is whole.
+/// is there is replaced once the new one is whole. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes
+/// and folders are refused.
 ///
 /// Errors:
 /// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO.
@@ -57,7 +58,7 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
     guard("dcd_snapshot_save_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        with(world, |world| world.dcd.save_file(path).map_err(|error| of_file(path, error.into())))
+        with(world, |world| world.dcd.save_file(path).map_err(|error| Failure::from(error).of_file(path)))
     })
 }
 
@@ -103,17 +104,8 @@ pub unsafe extern "C" fn dcd_snapshot_load_file(world: DcdWorld, path: *const c_
     guard("dcd_snapshot_load_file", || {
         // SAFETY: the caller vouches for the text.
         let path = unsafe { pointer::text(path, "path")? };
-        load(world, || LocalWorld::open_snapshot(Path::new(path))).map_err(|failure| of_file(path, failure))
+        load(world, || LocalWorld::open_snapshot(Path::new(path))).map_err(|failure| failure.of_file(path))
     })
-}
-
-fn of_file(path: &str, failure: Failure) -> Failure {
-    match failure.status {
-        DCD_ERR_ARGUMENT | DCD_ERR_IO | DCD_ERR_VERSION => {
-            Failure::new(failure.status, format!("{path}: {}", failure.message))
-        }
-        _ => failure,
-    }
 }
 
 fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError>) -> Result<(), Failure> {

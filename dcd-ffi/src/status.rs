@@ -78,6 +78,34 @@ impl Failure {
     pub(crate) fn argument(message: impl Into<String>) -> Self {
         Self::new(DCD_ERR_ARGUMENT, message)
     }
+
+    /// Names the file where the failure is one of a file or of what is in it.
+    pub(crate) fn of_file(self, path: &str) -> Self {
+        match self.status {
+            DCD_ERR_ARGUMENT | DCD_ERR_IO | DCD_ERR_VERSION => {
+                Self::new(self.status, format!("{path}: {}", self.message))
+            }
+            _ => self,
+        }
+    }
+}
+
+/// Names settings and functions as the header does, where a message names those of the command line or of Rust.
+fn in_c(mut message: String) -> String {
+    const NAMES: [(&str, &str); 6] = [
+        ("its --data and --listen", "the same data_path and listen"),
+        ("`--identity`", "identity_path"),
+        ("--identity", "identity_path"),
+        ("--give-up", "give_up_ms"),
+        ("--advertise", "DcdNodeDef.advertise"),
+        ("World::record_last", "dcd_record_last"),
+    ];
+    for (rust, c) in NAMES {
+        if message.contains(rust) {
+            message = message.replace(rust, c);
+        }
+    }
+    message
 }
 
 impl From<dcd::Error> for Failure {
@@ -89,11 +117,11 @@ impl From<dcd::Error> for Failure {
             Error::Snapshot(error) => error.into(),
             Error::Gltf(error) => error.into(),
             Error::Scene(error) => error.into(),
-            Error::Recording(RecordingError::Io(error)) => Self::new(DCD_ERR_IO, error.to_string()),
+            Error::Recording(error) => error.into(),
             Error::Process(error) => error.into(),
             Error::Unsupported(error) => error.into(),
             Error::Connection(error) => error.into(),
-            Error::Lost(why) => Self::new(DCD_ERR_NETWORK, why),
+            Error::Lost(why) => Self::new(DCD_ERR_NETWORK, in_c(why)),
             error => Self::argument(error.to_string()),
         }
     }
@@ -136,7 +164,8 @@ impl From<Unsupported> for Failure {
             }
             Instead::KinematicByVelocity => "make a DCD_KINEMATIC one and give it velocities",
             Instead::RecordNodes => {
-                "its nodes are recorded, each from its beginning (record_path of DcdNodeDef)"
+                "a server, node or participant is recorded from its beginning (record_path of DcdServerDef, DcdNodeDef and \
+                 DcdParticipantDef)"
             }
             Instead::HearTouches => "it hears when contacts begin and end (dcd_events)",
             Instead::CompareLocal => {
@@ -234,7 +263,20 @@ impl From<ProcessError> for Failure {
             | ProcessError::WorldEnded
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
-        Self::new(status, error.to_string())
+        Self::new(status, in_c(error.to_string()))
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        let status = match &error {
+            RecordingError::Unwritable { .. }
+            | RecordingError::NotWhole { .. }
+            | RecordingError::Former(_)
+            | RecordingError::Io(_) => DCD_ERR_IO,
+            _ => DCD_ERR_ARGUMENT,
+        };
+        Self::new(status, in_c(error.to_string()))
     }
 }
 
@@ -326,4 +368,48 @@ pub(crate) unsafe fn copy_text(text: &str, buf: *mut c_char, cap: usize) -> usiz
         }
     }
     text.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use dcd::{World, WorldConfig};
+
+    use super::*;
+
+    #[test]
+    fn messages_name_settings_and_functions_of_c() {
+        let given_up = ProcessError::GivenUp {
+            server: ([10, 0, 0, 1], 7000).into(),
+            waited: Duration::from_secs(9),
+            reason: "timed out".into(),
+        };
+        assert_eq!(
+            Failure::from(given_up).message,
+            "the server at 10.0.0.1:7000 has been out of reach for 9 s (timed out); start it again with the same data_path and listen, \
+             and this process with a new token, or a node with its identity_path; give_up_ms lets it wait longer"
+        );
+        let mut world = World::new(WorldConfig::default()).unwrap();
+        let nothing = Failure::from(world.keep_recording("kept.dcdr").unwrap_err());
+        assert_eq!(
+            (nothing.status, &*nothing.message),
+            (DCD_ERR_ARGUMENT, "nothing is recorded: begin by dcd_record_last")
+        );
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused_with_its_path_and_a_remedy() {
+        let mut world = World::new(WorldConfig::default()).unwrap();
+        for path in ["", "no/such/folder/fall.dcdr"] {
+            let refused = Failure::from(world.record_to(path).unwrap_err());
+            assert_eq!(refused.status, DCD_ERR_IO);
+            let (begin, end) = (format!("cannot record to \"{path}\": "), "or name another file");
+            assert!(
+                refused.message.starts_with(&begin) && refused.message.ends_with(end),
+                "{}",
+                refused.message
+            );
+        }
+    }
 }

@@ -42,11 +42,15 @@ pub enum ShapeError {
     },
     /// A size is NaN, infinite or beyond what Parry computes with.
     #[error(
-        "a {0} has a size that is not from 1e-4 to 1e6 m, or a point that is farther than that from its origin"
+        "a {0} has a size that is not from 1e-4 to 1e6 m, or a point that is farther than that from its origin; \
+         give it other sizes, or move its points"
     )]
     Size(&'static str),
     /// The shape is a mesh of triangles without area, or a hull in a plane: it has no normal, or no mass.
-    #[error("a {0} is flat: a triangle needs an area, of those of a mesh one at least, and a hull a volume")]
+    #[error(
+        "a {0} is flat: a triangle needs an area, of those of a mesh one at least, and a hull a volume; \
+         move its points apart, or take a thin box"
+    )]
     Flat(&'static str),
     /// No hull of the points can be computed.
     #[error(

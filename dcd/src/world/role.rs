@@ -144,7 +144,7 @@ impl fmt::Display for Instead {
             Self::MoveByName => "set_pose, set_velocity and push do so",
             Self::ServerKeeps => "the server keeps the world in its data folder",
             Self::RecordNodes => {
-                "its nodes are recorded, each from its beginning (JoinConfig::record, or `dcd node --record`)"
+                "a server, node or participant is recorded from its beginning (ServeConfig::record, JoinConfig::record, --record)"
             }
             Self::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"

@@ -424,7 +424,8 @@ CALL(dcd_regions) {
 CALL(dcd_borders) { DcdBorderInfo borders[8]; return dcd_borders(s->world, borders, 8, &count); }
 CALL(dcd_body_owner) { DcdOwner owner = DCD_OWNER_INIT; return dcd_body_owner(s->world, s->body, &owner); }
 CALL(dcd_debug_draw) { DcdDebugDraw draw = DCD_DEBUG_DRAW_INIT; return dcd_debug_draw(s->world, NULL, &draw); }
-CALL(dcd_gltf_save_file) { return dcd_gltf_save_file(s->world, "/dev/null"); }
+static char path[600];
+CALL(dcd_gltf_save_file) { return dcd_gltf_save_file(s->world, path); }
 CALL(dcd_prediction_set) { return dcd_prediction_set(s->world, true); }
 CALL(dcd_prediction) { DcdPrediction prediction = DCD_PREDICTION_INIT; return dcd_prediction(s->world, &prediction); }
 CALL(dcd_bandwidth_set) { return dcd_bandwidth_set(s->world, 0); }
@@ -451,7 +452,6 @@ CALL(dcd_checkpoint_create) { return dcd_checkpoint_create(s->world, &checkpoint
 ON_CHECKPOINT(dcd_checkpoint_save)
 ON_CHECKPOINT(dcd_checkpoint_restore)
 ON_CHECKPOINT(dcd_checkpoint_destroy)
-static char path[600];
 CALL(dcd_snapshot_save_file) { return dcd_snapshot_save_file(s->world, path); }
 CALL(dcd_snapshot_load_file) {
     (void)dcd_snapshot_save_file(s->world, path);

@@ -197,7 +197,7 @@ impl Background {
             if let Err(TryLockError::WouldBlock) = file.try_lock() {
                 return Err(io::Error::new(
                     io::ErrorKind::ResourceBusy,
-                    "another recording is being written to it: end that one first, or record to another file",
+                    "another recording is being written to it: end that one first",
                 ));
             }
             file.set_len(0)?;

@@ -42,7 +42,7 @@ pub struct DcdClientDef {
     /// (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     pub interest_radius: f64,
     /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000. It counts from when the
-    /// client has noticed, which is 10 to 14 s after it last heard of a server that was killed.
+    /// client has noticed, which is 10 to 14 s after it last heard of a server that was killed (2 to 3 s where `server` names several).
     pub give_up_ms: u32,
     /// Reserved; must be 0.
     pub reserved: u32,

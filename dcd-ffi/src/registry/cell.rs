@@ -72,7 +72,11 @@ impl Cell {
     /// Passes a panic on and poisons the lock, as a call that changes the world would: readers alone do not poison a lock.
     #[cold]
     fn poison(&self, panic: Box<dyn Any + Send>) -> ! {
-        let _poisoned = self.world.write();
+        let world = self.world.write();
+        if matches!(&world, Ok(world) if world.is_none()) {
+            // It was destroyed meanwhile: later calls find it gone.
+            drop(world);
+        }
         resume_unwind(panic)
     }
 
@@ -93,6 +97,9 @@ impl Cell {
             let message = "a step was begun already; call dcd_step_wait first";
             return Some(Err(Failure::new(DCD_ERR_BUSY, message)));
         }
+        if self.world.is_poisoned() {
+            return Some(Err(poisoned()));
+        }
         if background.thread.is_none() {
             let (orders, inbox) = mpsc::channel();
             let cell = self.clone();
@@ -105,9 +112,6 @@ impl Cell {
                     return Some(Err(Failure::new(DCD_ERR_LIMIT, message)));
                 }
             }
-        }
-        if self.world.is_poisoned() {
-            return Some(Err(poisoned()));
         }
         self.stepping.store(true, Ordering::Release);
         let (orders, _) = background.thread.as_ref()?;
@@ -147,9 +151,9 @@ impl Cell {
             let _ = thread.join();
         }
         // A poisoned world is destroyed like any other, and is gone afterwards for every call, as any other.
-        let world = self.world.write().unwrap_or_else(PoisonError::into_inner).take();
+        let mut world = self.world.write().unwrap_or_else(PoisonError::into_inner);
         self.world.clear_poison();
-        world
+        world.take()
     }
 
     fn background(&self) -> MutexGuard<'_, Background> {

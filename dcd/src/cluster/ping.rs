@@ -46,10 +46,14 @@ pub struct ClockOffset {
 /// delays.
 const OFTEN: Duration = Duration::from_millis(250);
 
-/// The intervals of pings to near and far peers, seconds. The thesis's example has 5 to 500 s; but nodes that a detour
-/// has parted keep a group waiting until it is noticed.
+/// The intervals of pings to near and far peers, seconds. The thesis's example has 5 to 500 s; but a member that has
+/// become far keeps its group waiting until that is noticed.
 const INTERVALS_S: [f64; 2] = [5.0, 30.0];
-/// The least difference between a round trip and those before that is worth looking into, microseconds.
+/// The interval while round trips are unlike the median. That changes after half of [`KEPT`]: a process that was stopped
+/// for fewer seconds is taken to be no farther away.
+const UNSETTLED: Duration = Duration::from_secs(1);
+/// A round trip is unlike the median if it takes over twice as long, or under half, and this much more: less is jitter
+/// of schedulers, microseconds.
 const UNLIKE_US: f64 = 10_000.0;
 
 #[derive(Clone, Debug)]
@@ -60,13 +64,14 @@ struct Entry {
 }
 
 impl Entry {
-    /// Returns whether the last round trip is like the median: a way that has become another one is measured often until
-    /// the median says so.
-    fn is_settled(&self, middle_us: f64) -> bool {
-        let Some((_, last)) = self.trips.back().filter(|_| self.trips.len() >= FIRST) else { return false };
+    /// Returns whether the last round trip is unlike the median: the way may have become another one.
+    fn is_unsettled(&self) -> bool {
+        let (Some((_, last)), Some(middle_us)) = (self.trips.back(), middle_us(&self.trips)) else {
+            return false;
+        };
         let last_us = last.delay_us as f64;
         let (less, more) = (last_us.min(middle_us), last_us.max(middle_us));
-        more <= 2.0 * less + UNLIKE_US
+        self.trips.len() > FIRST && more > 2.0 * less + UNLIKE_US
     }
 }
 
@@ -101,7 +106,7 @@ impl Pinger {
         let mut pings = Vec::new();
         for (&peer, entry) in self.peers.iter_mut().filter(|(_, entry)| entry.next <= now) {
             let interval = match middle_us(&entry.trips) {
-                Some(delay_us) if peer != Peer::Server && entry.is_settled(delay_us) => {
+                Some(delay_us) if peer != Peer::Server && entry.trips.len() >= FIRST => {
                     Duration::from_secs_f64(ping_interval_s(delay_us / 1e3, [10.0, 1_000.0], INTERVALS_S))
                 }
                 _ => OFTEN,
@@ -131,6 +136,15 @@ impl Pinger {
         if entry.trips.len() > KEPT {
             entry.trips.pop_front();
         }
+        if entry.is_unsettled() {
+            entry.next = entry.next.min(now + UNSETTLED);
+        }
+    }
+
+    /// Returns whether the last round trip to a peer is unlike those before. It says nothing about the way then, until
+    /// most are like it.
+    pub fn is_unsettled(&self, peer: Peer) -> bool {
+        self.peers.get(&peer).is_some_and(Entry::is_unsettled)
     }
 
     /// Returns the median of the last round trips to a peer, microseconds.
@@ -223,29 +237,36 @@ mod tests {
         assert_eq!(asked, [0, 250, 500, 750, 1_000, 1_250, 6_250, 11_250, 16_250]);
     }
 
+    /// Returns the milliseconds from the first round trip that takes `after_us`, in place of `before_us`, until the median
+    /// is as long; `None` if it takes so for `lasts` pings only.
+    fn noticed(before_us: u64, after_us: u64, lasts: usize) -> Option<u64> {
+        let (mut pinger, peer) = (Pinger::default(), Peer::Node(NodeId(2)));
+        pinger.add(Duration::ZERO, peer);
+        let (mut first, mut pings) = (None, 0);
+        for ms in (0..600_000).step_by(50) {
+            let now = Duration::from_millis(ms);
+            if !pinger.due(now).is_empty() {
+                pings += 1;
+                let is_other = pings > KEPT && pings <= KEPT.saturating_add(lasts);
+                let delay_us = if is_other { after_us } else { before_us };
+                let (sent_us, middle_us) = (micros(now), micros(now) + delay_us / 2);
+                let pong = Pong { sent_us, received_us: middle_us, answered_us: middle_us };
+                pinger.pong(now + Duration::from_micros(delay_us), peer, pong);
+                first = first.or(is_other.then_some(ms));
+            }
+            if pinger.delay_us(peer) == Some(after_us as f64) {
+                return Some(ms - first?);
+            }
+        }
+        None
+    }
+
     #[test]
-    fn a_way_that_has_become_another_one_is_known_within_seconds_of_the_first_ping_over_it() {
-        for (before_us, after_us, within) in [(4_000, 200_000, 5_000..9_000), (200_000, 4_000, 5_000..14_000)]
-        {
-            let (mut pinger, peer) = (Pinger::default(), Peer::Node(NodeId(2)));
-            pinger.add(Duration::ZERO, peer);
-            // Just after a ping, the way changes.
-            let mut changed = None;
-            let known = (0..200_000).step_by(50).find(|&ms| {
-                let now = Duration::from_millis(ms);
-                if !pinger.due(now).is_empty() {
-                    let delay_us = if changed.is_some() { after_us } else { before_us };
-                    let (sent_us, middle_us) = (micros(now), micros(now) + delay_us / 2);
-                    let pong = Pong { sent_us, received_us: middle_us, answered_us: middle_us };
-                    pinger.pong(now + Duration::from_micros(delay_us), peer, pong);
-                    if pinger.peers[&peer].trips.len() == KEPT {
-                        changed.get_or_insert(ms);
-                    }
-                }
-                changed.is_some() && pinger.delay_us(peer) == Some(after_us as f64)
-            });
-            let took = known.unwrap() - changed.unwrap();
-            assert!(within.contains(&took), "{before_us} to {after_us} us: {took} ms");
+    fn a_way_that_has_become_another_one_is_known_ten_seconds_after_the_first_ping_over_it() {
+        for (before_us, after_us) in [(4_000, 200_000), (200_000, 4_000)] {
+            let took = noticed(before_us, after_us, usize::MAX);
+            assert!(took.is_some_and(|ms| ms <= 10_000), "{before_us} to {after_us} us: {took:?} ms");
+            assert_eq!(noticed(before_us, after_us, 6), None, "a stall of six seconds is none");
         }
     }
 

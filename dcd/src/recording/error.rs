@@ -74,7 +74,7 @@ pub enum RecordingError {
         error: std::io::Error,
     },
     /// The recording that was going on is not whole. It has ended, and no new one has begun.
-    #[error("no new recording has begun, repeat the call to begin it, for the one before failed: {0}")]
+    #[error("the recording before failed: {0}; no new one has begun: repeat the call")]
     Former(Box<RecordingError>),
     /// The file cannot be read or written.
     #[error("the recording cannot be read or written: {0}; check the path, its permissions and the disk")]

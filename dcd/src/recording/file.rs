@@ -170,6 +170,26 @@ pub struct Background {
     done: Option<Mutex<Receiver<io::Result<()>>>>,
 }
 
+/// A file that is locked for as long as it is open here: a child process that is just being started has it open, too,
+/// for a moment.
+struct Locked(File);
+
+impl Write for Locked {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+impl Drop for Locked {
+    fn drop(&mut self) {
+        let _ = self.0.unlock();
+    }
+}
+
 impl Background {
     /// Checks that a file can be written, and leaves none behind if there was none. Fails if it is not empty:
     /// it may be a recording that somebody needs.
@@ -202,7 +222,7 @@ impl Background {
             }
             file.set_len(0)?;
         }
-        Self::begin(file)
+        Self::begin(Locked(file))
     }
 
     fn begin(mut file: impl Write + Send + 'static) -> io::Result<Self> {

@@ -209,7 +209,9 @@ impl Replay {
 
 /// Refuses recordings of several worlds, and copies.
 fn check_one_world(members: &[Member]) -> Result<(), RecordingError> {
-    let mut worlds = members.iter().filter_map(|member| Some((&member.name, member.replay.world()?)));
+    // Those that end before their first tick have nothing to replay.
+    let members = || members.iter().filter(|member| member.first.is_some());
+    let mut worlds = members().filter_map(|member| Some((&member.name, member.replay.world()?)));
     if let Some((one, world)) = worlds.next()
         && let Some((other, _)) = worlds.find(|(_, of)| *of != world)
     {
@@ -218,8 +220,7 @@ fn check_one_world(members: &[Member]) -> Result<(), RecordingError> {
         )));
     }
     let mut known = BTreeMap::new();
-    // Those that end before their first tick may have nothing that tells them apart.
-    for Member { name, replay, .. } in members.iter().filter(|member| member.first.is_some()) {
+    for Member { name, replay, .. } in members() {
         if let Some(other) = known.insert(replay.hash(), name) {
             return Err(RecordingError::Unsuitable(format!(
                 "{name} is a copy of {other}: leave one of them out"

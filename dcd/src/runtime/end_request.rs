@@ -5,8 +5,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use tracing::warn;
-
 use super::RedbDirectory;
 use super::directory::{is_elsewhere, is_served, is_standby, is_there};
 use super::waiting::{Waiting, is_waiting};
@@ -14,8 +12,6 @@ use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
 const REQUEST: &str = "end-request";
-/// The file by which a server says that it has ended its world, as asked.
-const ANSWER: &str = "end-answer";
 /// How often a server looks for a request.
 const LOOK: Duration = Duration::from_millis(200);
 /// How often the asking process looks whether the server has ended.
@@ -25,7 +21,6 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub(super) struct EndRequests {
     path: PathBuf,
     looked: Instant,
-    taken: bool,
 }
 
 impl EndRequests {
@@ -33,7 +28,7 @@ impl EndRequests {
     pub(super) fn of(folder: &Path) -> Self {
         let path = folder.join(REQUEST);
         let _ = std::fs::remove_file(&path);
-        Self { path, looked: Instant::now(), taken: false }
+        Self { path, looked: Instant::now() }
     }
 
     /// Returns whether there is a request, and removes it. One whose asker has ended is dropped. Looks no more
@@ -44,17 +39,7 @@ impl EndRequests {
         }
         self.looked = Instant::now();
         let is_meant = is_waiting(&self.path);
-        let is_taken = std::fs::remove_file(&self.path).is_ok() && is_meant;
-        self.taken |= is_taken;
-        is_taken
-    }
-
-    /// Tells whoever asked for it that the world has ended.
-    pub(super) fn answer(&self) {
-        let path = self.path.with_file_name(ANSWER);
-        if let Some(Err(error)) = self.taken.then(|| std::fs::write(&path, "")) {
-            warn!(path = %path.display(), %error, "who asked for the end of the world is not told of it");
-        }
+        std::fs::remove_file(&self.path).is_ok() && is_meant
     }
 }
 
@@ -83,9 +68,7 @@ pub enum WorldEnd {
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
     let begun = Instant::now();
     let path = folder.join(REQUEST);
-    let answer = folder.join(ANSWER);
-    let _ = std::fs::remove_file(&answer);
-    let (mut asked, mut heard) = (false, false);
+    let (mut asked, mut heard, mut was_elsewhere) = (false, false, false);
     let mut waiting = None;
     loop {
         // A server that takes over locks the folder before it stands by no longer.
@@ -97,16 +80,13 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
             if asked {
                 // Removes a request that came when the server was ending already.
                 let _ = std::fs::remove_file(&path);
-                if std::fs::remove_file(&answer).is_ok() {
-                    // A world in etcd may have come from one in the folder, which ends with it.
-                    return match remove(folder) {
-                        Ok(_) | Err(DirectoryError::Taken { .. }) => Ok(WorldEnd::ByServer),
-                        Err(error) => Err(error),
-                    };
-                }
             }
-            if is_elsewhere(folder) {
-                return Ok(if asked { WorldEnd::Kept } else { WorldEnd::Nothing });
+            // A server notes in its folder that its world is elsewhere, until the world has ended.
+            match (is_elsewhere(folder)?, asked) {
+                (true, true) => return Ok(WorldEnd::Kept),
+                (true, false) => return Ok(WorldEnd::Nothing),
+                (false, _) if was_elsewhere => return Ok(WorldEnd::ByServer),
+                (false, _) => {}
             }
             match (remove(folder), asked) {
                 // A server has just started.
@@ -134,6 +114,7 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
         drop(waiting.take());
         waiting = Some(Waiting::show(&path).map_err(|error| refused(&path, &error))?);
         asked = true;
+        was_elsewhere |= is_elsewhere(folder)?;
     }
 }
 

@@ -361,8 +361,10 @@ fn the_end_of_a_world_that_its_server_did_not_live_to_end_is_not_claimed() {
     server.signal("-STOP");
     let end = || Process::start(dcd(&["end", "--data"]).arg(&data));
     let asked = end();
+    let begun = Instant::now();
     while !data.join("end-request").exists() {
-        std::thread::yield_now();
+        assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", asked.end());
+        std::thread::sleep(Duration::from_millis(5));
     }
     server.kill();
     let ended = asked.end();
@@ -371,6 +373,14 @@ fn the_end_of_a_world_that_its_server_did_not_live_to_end_is_not_claimed() {
     let nobody = end().end();
     assert_eq!(nobody.code(), Some(2), "{nobody:?}");
     assert!(nobody.errors.contains("start its server again and end it then"), "{nobody:?}");
+    let mut server = serve(&etcd.place("play"), "127.0.0.1:0", &data);
+    server.line("listening ");
+    let [one, other] = [end(), end()].map(Process::end);
+    for ended in [one, other] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+        assert!(ended.lines[0].contains("its server has stopped"), "{ended:?}");
+    }
+    server.end();
     // A server of the folder itself, as where the world was restored from a backup.
     let mut within =
         Process::start(dcd(&["serve", "--listen", "127.0.0.1:0", "--data"]).arg(&data).arg(playground()));

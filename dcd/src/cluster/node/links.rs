@@ -226,7 +226,9 @@ impl Node {
             self.link.delays_at = self.link.delays_at.map(|at| at.min(now));
         }
         let same_group = self.others.contains(&node);
-        let Some(watch) = self.watch.as_mut().filter(|_| self.view.is_some()) else { return };
+        // What is unlike the round trips before may be a stall, and pings come often then: it is no strike yet.
+        let is_odd = self.pinger.is_unsettled(from);
+        let Some(watch) = self.watch.as_mut().filter(|_| self.view.is_some() && !is_odd) else { return };
         let motion = watch.observe(now, node, same_group, middle / 1e3, latest as f64 / 1e3);
         if let Some(motion) = motion.filter(|_| self.link.server_up) {
             self.send_server(ToServer::Call(motion));

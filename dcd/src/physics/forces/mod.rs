@@ -8,6 +8,7 @@ mod solid;
 pub use explosion::Explosion;
 pub use fluid::Fluid;
 
+use rapier3d::glamx::glam::DVec3;
 use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
@@ -78,12 +79,15 @@ impl<'a> Target<'a> {
     /// Returns the push of an impulse and an angular impulse, scaled down so that it makes the body no faster
     /// than `limit_m_s` and no push may; `None` if it is zero or not finite.
     fn push(&self, linear: Vector, angular: Vector, limit_m_s: f32) -> Option<Push> {
+        // In f64 no change overflows.
         let inv_inertia = self.body.mass_properties().effective_world_inv_inertia;
-        let turn_rad_s = inv_inertia * (angular * (1.0 / self.share));
+        let (axis, twist) = (angular.as_dvec3().normalize_or_zero(), angular.as_dvec3().length());
+        let turns = (inv_inertia * axis.as_vec3()).as_dvec3() * (twist / f64::from(self.share));
+        let speeds = linear.as_dvec3() / f64::from(self.mass_kg);
         let velocity = self.body.vels();
-        let part = part_within(velocity.linvel, linear / self.mass_kg, limit_m_s * BELOW).min(part_within(
+        let part = part_within(velocity.linvel, speeds, limit_m_s * BELOW).min(part_within(
             velocity.angvel,
-            turn_rad_s,
+            turns,
             MOST_M_S * BELOW,
         ));
         let (linear, angular) = (linear * part, angular * part);
@@ -95,16 +99,15 @@ impl<'a> Target<'a> {
 }
 
 /// Returns the largest part of a change, up to 1, that leaves a velocity no larger than `most`, or than it is.
-fn part_within(before: Vector, change: Vector, most: f32) -> f32 {
-    // In f64 no square of an f32 overflows.
-    let (before, change) = (before.as_dvec3(), change.as_dvec3());
+fn part_within(before: Vector, change: DVec3, most: f32) -> f32 {
+    let before = before.as_dvec3();
     let square = change.length_squared();
     let room = (f64::from(most).powi(2) - before.length_squared()).max(0.0);
     // The larger root s of |before + s change|² = most², or = |before|² where that is more.
     let along = before.dot(change);
     let part = ((along * along + square * room).sqrt() - along) / square;
     // Of no change at all any part will do.
-    if part.is_nan() { 1.0 } else { part.clamp(0.0, 1.0) as f32 }
+    if square == 0.0 { 1.0 } else { part.clamp(0.0, 1.0) as f32 }
 }
 
 impl RegionHost {
@@ -121,13 +124,13 @@ mod tests {
     #[test]
     fn a_change_is_cut_to_what_leaves_a_velocity_within_its_bound() {
         let [still, fast] = [Vector::ZERO, Vector::X * 8.0];
-        assert_eq!(part_within(still, Vector::ZERO, 10.0), 1.0);
-        assert_eq!(part_within(fast, Vector::X, 10.0), 1.0);
-        assert_eq!(part_within(still, Vector::Y * 40.0, 10.0), 0.25);
-        assert_eq!(part_within(fast, Vector::Y * 12.0, 10.0), 0.5);
-        assert_eq!(part_within(fast, Vector::X * -36.0, 10.0), 0.5);
-        assert_eq!(part_within(fast, Vector::X, 5.0), 0.0, "it gets no faster");
-        assert_eq!(part_within(fast, -Vector::X, 5.0), 1.0, "it gets slower");
-        assert_eq!(part_within(still, Vector::Y * 1e30, 1e6), 1e-24);
+        assert_eq!(part_within(still, DVec3::ZERO, 10.0), 1.0);
+        assert_eq!(part_within(fast, DVec3::X, 10.0), 1.0);
+        assert_eq!(part_within(still, DVec3::Y * 40.0, 10.0), 0.25);
+        assert_eq!(part_within(fast, DVec3::Y * 12.0, 10.0), 0.5);
+        assert_eq!(part_within(fast, DVec3::X * -36.0, 10.0), 0.5);
+        assert_eq!(part_within(fast, DVec3::X, 5.0), 0.0, "it gets no faster");
+        assert_eq!(part_within(fast, -DVec3::X, 5.0), 1.0, "it gets slower");
+        assert_eq!(part_within(still, DVec3::Y * 1e30, 1e6), 1e-24);
     }
 }

@@ -1,7 +1,7 @@
 //! Locks a data folder for the one server that uses it.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Write as _};
+use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 
 use crate::cluster::directory::DirectoryError;
@@ -21,7 +21,7 @@ impl FolderLock {
     pub(in crate::runtime) fn take(folder: &Path, place: &Path) -> Result<Self, DirectoryError> {
         let path = folder.join(LOCK);
         let shown = || path.display().to_string();
-        let lock = open_private(&path, OpenOptions::new().create(true).append(true))
+        let lock = open_private(&path, OpenOptions::new().write(true).create(true).truncate(false))
             .map_err(|error| DirectoryError::Unreadable { place: shown(), cause: cause(&error) })?;
         match lock.try_lock() {
             Ok(()) => Ok(Self(lock)),
@@ -35,8 +35,9 @@ impl FolderLock {
     }
 
     /// Writes down whether the world is stored elsewhere, for those who find the folder without a server.
-    pub(super) fn note(&self, elsewhere: bool) -> io::Result<()> {
+    pub(in crate::runtime) fn note(&self, elsewhere: bool) -> io::Result<()> {
         self.0.set_len(0)?;
+        (&self.0).rewind()?;
         (&self.0).write_all(if elsewhere { b"the world is in etcd\n" } else { b"" })
     }
 }
@@ -62,8 +63,15 @@ pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
 }
 
 /// Returns whether the last server of this data folder stored its world elsewhere.
-pub(crate) fn is_elsewhere(folder: &Path) -> bool {
-    folder.join(LOCK).metadata().is_ok_and(|lock| lock.len() > 0)
+pub(crate) fn is_elsewhere(folder: &Path) -> Result<bool, DirectoryError> {
+    let path = folder.join(LOCK);
+    match path.metadata() {
+        Ok(lock) => Ok(lock.len() > 0),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => {
+            Err(DirectoryError::Unreadable { place: path.display().to_string(), cause: error.to_string() })
+        }
+    }
 }
 
 /// The file by which a server shows that it stands by.

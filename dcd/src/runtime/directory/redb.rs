@@ -60,7 +60,7 @@ impl RedbDirectory {
             }
         }))
         .unwrap_or_else(|_| Err(damaged(&path, "redb cannot make sense of it")))?;
-        lock.note(false).map_err(|error| unreadable(folder, &error))?;
+        lock.note(false).map_err(|error| unwritable(folder, &error))?;
         Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
     }
 
@@ -74,7 +74,7 @@ impl RedbDirectory {
         let path = folder.join("world.redb");
         let lock = FolderLock::take(folder, &path)?;
         std::fs::remove_file(&path).map_err(|error| unreadable(&path, &error))?;
-        lock.note(false).map_err(|error| unreadable(folder, &error))?;
+        lock.note(false).map_err(|error| unwritable(folder, &error))?;
         Ok(Self { database: created(&path)?, path, synced_at: Instant::now(), _lock: lock })
     }
 
@@ -252,6 +252,10 @@ fn corrupted(what: &str) -> redb::Error {
 
 fn damaged(path: &Path, what: &str) -> DirectoryError {
     DirectoryError::Damaged { place: place(path), what: what.to_owned() }
+}
+
+fn unwritable(path: &Path, error: &dyn std::error::Error) -> DirectoryError {
+    DirectoryError::Unwritable { place: place(path), cause: error.to_string() }
 }
 
 fn unreadable(path: &Path, error: &dyn std::error::Error) -> DirectoryError {

@@ -324,8 +324,11 @@ impl Loop {
                     }
                 }
                 ServerOutput::Ended => {
-                    if self.forget() {
-                        self.end_requests.answer();
+                    if self.forget()
+                        && let Some(lock) = &self.folder_lock
+                        && let Err(error) = lock.note(false)
+                    {
+                        warn!(%error, "the data folder says as before that its world is in etcd");
                     }
                     self.over = true;
                 }

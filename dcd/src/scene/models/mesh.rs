@@ -171,14 +171,17 @@ fn of_pyramids(points: &[Vector], triangles: &[[u32; 3]], weigh: impl Fn(f64) ->
     }
     tip /= area;
     let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
+    let mut all = 0.0;
     for sides in triangles.iter().map(corners).map(|corners| corners.map(|corner| corner - tip)) {
         let part = weigh(sides[0].dot(sides[1].cross(sides[2])) / 6.0);
         let sum: DVec3 = sides.into_iter().sum();
         volume += part;
+        all += part.abs();
         first += sum * (part / 4.0);
         second += (outer(sum) + sides.into_iter().map(outer).sum::<DMat3>()) * (part / 20.0);
     }
-    if volume == 0.0 || !volume.is_finite() {
+    // What encloses nothing has a volume of rounding errors.
+    if volume.abs() <= 1e-6 * all || !volume.is_finite() {
         return Mass::default();
     }
     let centre = first / volume;

@@ -154,7 +154,7 @@ fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Resu
 /// Refuses two elements of one kind and one name: what refers to it could mean either.
 fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), Fault> {
     let mut seen = BTreeSet::new();
-    for name in names {
+    for name in names.filter(|name| !name.is_empty()) {
         if !seen.insert(name) {
             let cause = format!("two elements <{kind}> are named `{name}`");
             return Err(Fault::new(cause, "give each its own name"));

@@ -199,7 +199,8 @@ fn values(document: &Document<'_>) -> Result<(), Fault> {
                 let cause = format!("{name}=\"{value}\" is not finite");
                 return Err(Fault::at(node, cause, "write decimal numbers"));
             }
-            if name == "quat" && value.split_ascii_whitespace().all(|word| word.parse() == Ok(0.0)) {
+            let zeros = || value.split_ascii_whitespace().all(|word| word.parse() == Ok(0.0));
+            if name == "quat" && !value.trim().is_empty() && zeros() {
                 let cause = format!("quat=\"{value}\" is no rotation");
                 return Err(Fault::at(node, cause, "write 1 0 0 0, or leave it out"));
             }

@@ -500,7 +500,8 @@ typedef struct DcdClientDef {
     // and the shapes and joints of those. What comes there later, or where dcd_interest_set moves the area to, appears
     // (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     double interest_radius;
-    // Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000.
+    // Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000. It counts from when the
+    // client has noticed, which is 10 to 14 s after it last heard of a server that was killed (2 to 3 s where `server` names several).
     uint32_t give_up_ms;
     // Reserved; must be 0.
     uint32_t reserved;
@@ -1695,7 +1696,8 @@ typedef struct DcdHookedPair {
     DcdVelocity velocity_b;
 } DcdHookedPair;
 
-// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT.
+// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT. Any other answer counts as DCD_MEET_PUSH, and
+// nothing tells of it.
 typedef DcdPairAnswer (*DcdFilterFn)(void *context, const DcdHookedPair *pair);
 
 // Returns whether a sensor detects another collider.
@@ -1709,9 +1711,9 @@ typedef struct DcdHookedContact {
     float separation;
     // Number of the contact's points. To be read only.
     uint32_t points;
-    // 1 at first. 0 takes the contact out of this step: the colliders touch and do not push.
+    // 1 at first. 0 takes the contact out of this step: the colliders touch and do not push. Any other number counts as 1.
     uint32_t enabled;
-    // Friction: Coulomb coefficient, 0 or more.
+    // Friction: Coulomb coefficient, 0 or more and finite.
     float friction;
     // Restitution, 0 to 1.
     float restitution;
@@ -1722,7 +1724,9 @@ typedef struct DcdHookedContact {
     uint32_t memory;
 } DcdHookedContact;
 
-// Changes a contact before it is solved.
+// Changes a contact before it is solved. A member that is out of its range afterwards (a friction that is NaN or below 0, a
+// restitution above 1, a surface_velocity that is not finite) is left as it was, and nothing tells of it. What is to be read only is
+// not read back.
 typedef void (*DcdModifyFn)(void *context, const DcdHookedPair *pair, DcdHookedContact *contact);
 
 // Functions that are asked about contacts. Start from DCD_HOOKS_INIT.
@@ -2574,7 +2578,8 @@ DcdStatus dcd_world_open_scene(const char *name_or_path,
 // Destroys a local world with everything in it, or leaves a served one, where the avatars of this process wait for its return. The
 // world's handles become stale, and what dcd_state_view and dcd_events lent is freed.
 //
-// The call waits for a call that runs on the world in another thread. Calls that wait behind it find the world gone.
+// The call waits for a call that runs on the world in another thread. Calls that wait behind it find the world gone. A recording
+// ends, and whether it is whole is only logged (dcd_log_set): call dcd_record_stop first in a local world.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
 DCD_API
 DcdStatus dcd_world_destroy(DcdWorld world);
@@ -2893,7 +2898,8 @@ DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 // In a served world the node that computes the character walks it, also a client's: it stops at a wall without a delay, and its
 // client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together. Its characters take
 // steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
-// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type, a sensor, or a setting out of range).
+// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type, a sensor, a shape without volume such as terrain or a
+// segment, or a setting out of range).
 DCD_API
 DcdStatus dcd_character_create(DcdWorld world,
                                const DcdBodyDef *body,
@@ -3053,7 +3059,8 @@ DCD_API DcdStatus dcd_explode(DcdWorld world, const DcdExplosion *explosion, siz
 //
 // Neither drag nor damping ever turns a motion about. Buoyancy comes at once and weight over the step. So between two steps what
 // floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace
-// nothing and are left alone. The border of rounded shapes does not count, as it does not for their mass.
+// nothing and are left alone. The border of rounded shapes does not count, as it does not for their mass. No fluid makes a body
+// faster than the world's speed limit.
 //
 // `fluid` is read during the call.
 // Errors:
@@ -3427,7 +3434,7 @@ DCD_API DcdStatus dcd_step(DcdWorld world);
 // waits until the step is done, and then sees its result.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY (a step was begun and dcd_step_wait has not told of it yet), DCD_ERR_LIMIT
-// (no thread).
+// (no thread), DCD_ERR_PANIC.
 DCD_API DcdStatus dcd_step_begin(DcdWorld world);
 
 // Waits until the step that dcd_step_begin began is done, but not longer than `timeout_ns` nanoseconds: 0 only looks, DCD_FOREVER
@@ -3588,10 +3595,13 @@ DcdStatus dcd_view_state(DcdWorld world,
 DCD_API DcdStatus dcd_debug_draw(DcdWorld world, const DcdViewTime *time, const DcdDebugDraw *draw);
 
 // Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines. Bodies are nodes named by
-// their numbers ("b7", "c2/b0"), with their shapes in the colour of the region that owns them. A file at `path` is replaced.
+// their numbers ("b7", "c2/b0"), with their shapes in the colour of the region that owns them. A file that is there is replaced once
+// the new one is whole. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes and folders are refused.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT (a file above 4 GiB), DCD_ERR_UNSUPPORTED (a node).
-DCD_API DcdStatus dcd_gltf_save_file(DcdWorld world, const char *path);
+DCD_API
+DcdStatus dcd_gltf_save_file(DcdWorld world,
+                             const char *path);
 
 // Sets whether a client or participant shows its own avatars, and what they touch, ahead of the world, so that they answer at
 // once. At first it does.
@@ -4147,22 +4157,32 @@ DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
 // on, and a digest of each region after each step. From that, `dcd replay FILE` computes the world again, bit for bit, and `dcd
 // diff` finds where two recordings differ.
 //
-// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends, and a
-// file that is there is replaced. Servers, nodes and participants are recorded from their beginning, by `record_path` of
-// DcdServerDef, DcdNodeDef and DcdParticipantDef.
+// - Writing. A thread of the library writes the file. A crash loses the last tenth of a second. A file that is there is replaced,
+//   unless another recording is being written to it.
+// - Former recording. A recording that was going on ends. If that one is not whole, the call says so (DCD_ERR_IO) and begins none:
+//   repeat it then.
+// - End. dcd_record_stop tells whether all is written. dcd_world_destroy ends a recording too, but can only log that it is not
+//   whole: call dcd_record_stop first.
+//
+// Servers, nodes and participants are recorded from their beginning, by `record_path` of DcdServerDef, DcdNodeDef and
+// DcdParticipantDef.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED (in a served world).
-DCD_API DcdStatus dcd_record(DcdWorld world, const char *path);
+DCD_API
+DcdStatus dcd_record(DcdWorld world,
+                     const char *path);
 
 // Begins to record a local world in memory, for "what happened just now?". It keeps at least the last `seconds` of the world by
 // the clock on the wall, about twice as much at most; dcd_record_keep writes them. Each stretch of so many seconds begins with a
-// snapshot. A recording that was going on ends.
+// snapshot. A recording that was going on ends as by dcd_record.
 //
-// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (`seconds` that are not above 0 and up to 86,400), DCD_ERR_UNSUPPORTED (in a served
-// world).
-DCD_API DcdStatus dcd_record_last(DcdWorld world, float seconds);
+// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (`seconds` that are not above 0 and up to 86,400), DCD_ERR_IO (the recording before is
+// not whole), DCD_ERR_UNSUPPORTED (in a served world).
+DCD_API
+DcdStatus dcd_record_last(DcdWorld world,
+                          float seconds);
 
 // Writes to a file what dcd_record_last has kept, and goes on recording. A file that is there is replaced once the new one is
-// whole.
+// whole. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes and folders are refused.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT (nothing is recorded in memory), DCD_ERR_UNSUPPORTED (in a
 // served world).
@@ -4191,13 +4211,16 @@ DCD_API DcdStatus dcd_record_stop(DcdWorld world);
 DCD_API DcdStatus dcd_snapshot_save(DcdWorld world, void *buf, size_t cap, size_t *needed);
 
 // Saves a world to a file, as dcd_snapshot_save does. `dcd run` goes on with such a file, and writes them by --save. A file that
-// is there is replaced once the new one is whole.
+// is there is replaced once the new one is whole. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes
+// and folders are refused.
 //
 // Errors:
 // - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO.
 // - DCD_ERR_TIMEOUT: nodes do not answer their server.
 // - DCD_ERR_UNSUPPORTED: a client, participant or node.
-DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
+DCD_API
+DcdStatus dcd_snapshot_save_file(DcdWorld world,
+                                 const char *path);
 
 // Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into any other, which
 // loses what it held. Threads and shapes stay those of this world. All else is as saved, gravity and regions too.

@@ -1,15 +1,13 @@
-//! Reads meshes from files, and builds hulls, triangle shapes and masses from them.
+//! Reads meshes from files, and builds hulls and triangle shapes from them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use rapier3d::glamx::glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 use rapier3d_meshloader::mesh_loader;
 
 use super::collada::{self, Corners};
-use super::mass::{Mass, outer};
 use super::source::Fault;
 use crate::scene::bounded::read_bounded;
 
@@ -147,50 +145,6 @@ pub(super) fn triangles(points: Vec<Vector>, triangles: Vec<[u32; 3]>) -> Option
         .filter(travels)
 }
 
-/// Returns a mesh's mass at density 1 as MuJoCo computes it by default: that of the pyramids over all
-/// triangles, whose common tip is the middle of the surface. Each pyramid counts as positive. The mass is
-/// exact for convex meshes.
-pub(super) fn pyramids(points: &[Vector], triangles: &[[u32; 3]]) -> Mass {
-    of_pyramids(points, triangles, f64::abs)
-}
-
-/// Returns the mass at density 1 of what a closed mesh encloses, whichever way its triangles all face.
-pub(super) fn enclosed(points: &[Vector], triangles: &[[u32; 3]]) -> Mass {
-    let mass = of_pyramids(points, triangles, |volume| volume);
-    if mass.kg < 0.0 { mass * -1.0 } else { mass }
-}
-
-/// Returns the mass of the pyramids over all triangles, each of which counts by its signed volume as `weigh` says.
-fn of_pyramids(points: &[Vector], triangles: &[[u32; 3]], weigh: impl Fn(f64) -> f64) -> Mass {
-    let corners = |triangle: &[u32; 3]| triangle.map(|i| points[i as usize].as_dvec3());
-    let (mut area, mut tip) = (0.0, DVec3::ZERO);
-    for [a, b, c] in triangles.iter().map(corners) {
-        let twice = (b - a).cross(c - a).length();
-        area += twice;
-        tip += (a + b + c) / 3.0 * twice;
-    }
-    tip /= area;
-    let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
-    let mut all = 0.0;
-    for sides in triangles.iter().map(corners).map(|corners| corners.map(|corner| corner - tip)) {
-        let part = weigh(sides[0].dot(sides[1].cross(sides[2])) / 6.0);
-        let sum: DVec3 = sides.into_iter().sum();
-        volume += part;
-        all += part.abs();
-        first += sum * (part / 4.0);
-        second += (outer(sum) + sides.into_iter().map(outer).sum::<DMat3>()) * (part / 20.0);
-    }
-    // What encloses nothing has a volume of rounding errors.
-    if volume.abs() <= 1e-6 * all || !volume.is_finite() {
-        return Mass::default();
-    }
-    let centre = first / volume;
-    let second = second - outer(centre) * volume;
-    let inertia =
-        DMat3::from_diagonal(DVec3::splat(second.col(0).x + second.col(1).y + second.col(2).z)) - second;
-    Mass { kg: volume, centre: tip + centre, inertia }
-}
-
 fn travels(shape: &SharedShape) -> bool {
     crate::physics::ShapeLibrary::default().intern(shape).is_ok()
 }
@@ -198,19 +152,6 @@ fn travels(shape: &SharedShape) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_pyramids_of_a_box_weigh_and_turn_as_the_box() {
-        let (points, triangles) =
-            rapier3d::parry::shape::Cuboid::new(Vector::new(1.0, 2.0, 3.0)).to_trimesh();
-        let points: Vec<_> = points.into_iter().map(|point| point + Vector::new(5.0, 0.0, 0.0)).collect();
-        let found = pyramids(&points, &triangles).properties();
-        let right = SharedShape::cuboid(1.0, 2.0, 3.0).mass_properties(1.0);
-        assert!((found.mass() - right.mass()).abs() < 1e-3);
-        assert!((found.local_com - Vector::new(5.0, 0.0, 0.0)).length() < 1e-5);
-        let difference = found.reconstruct_inertia_matrix() - right.reconstruct_inertia_matrix();
-        assert!(difference.to_cols_array().into_iter().all(|v| v.abs() < 1e-2), "{difference:?}");
-    }
 
     #[test]
     fn an_stl_is_binary_if_its_length_says_so_whatever_its_header_says() {

@@ -14,7 +14,7 @@ use rapier3d_mjcf::mjcf_rs::glam::{DQuat, DVec3};
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, assets::MeshInertia};
 
 use crate::scene::models::files::Files;
-use crate::scene::models::mass::Mass;
+use crate::scene::models::mass::{self, Mass};
 use crate::scene::models::mesh::{self, Meshes};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
@@ -166,12 +166,12 @@ impl Maker<'_> {
                     // As in MuJoCo, vertices without faces weigh as their hull, whatever the file says.
                     Mass::of_shape(&**shape)
                 } else if asset.inertia == MeshInertia::Exact || file.compiler.exact_mesh_inertia {
-                    mesh::enclosed(&points, &triangles)
+                    mass::enclosed(&points, &triangles)
                 } else {
                     if asset.inertia == MeshInertia::Shell {
                         warnings.add("mesh inertia shell", name_of(geom), "the mesh is solid");
                     }
-                    mesh::pyramids(&points, &triangles)
+                    mass::pyramids(&points, &triangles)
                 }
             }
             _ => Mass::of_shape(&**shape),

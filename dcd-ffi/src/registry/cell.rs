@@ -73,8 +73,8 @@ impl Cell {
     #[cold]
     fn poison(&self, panic: Box<dyn Any + Send>) -> ! {
         let world = self.world.write();
-        if matches!(&world, Ok(world) if world.is_none()) {
-            // It was destroyed meanwhile: later calls find it gone.
+        // Later calls find a world gone that was destroyed meanwhile.
+        if world.as_ref().is_ok_and(|world| world.is_none()) {
             drop(world);
         }
         resume_unwind(panic)

@@ -59,7 +59,7 @@ pub enum RecordingError {
     Unwritable {
         /// The path of the file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's message.
         error: std::io::Error,
     },
     /// A part of the recording could not be written: the file ends there.
@@ -70,7 +70,7 @@ pub enum RecordingError {
     NotWhole {
         /// The path of the file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's message.
         error: std::io::Error,
     },
     /// The recording that was going on is not whole. It has ended, and no new one has begun.

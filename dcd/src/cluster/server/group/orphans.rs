@@ -341,6 +341,8 @@ mod tests {
                 let end = |state: &BodyState, x| state.pose.isometry() * Point3::new(x, 0.0, 0.0);
                 let gap_m = (end(guide, 0.5) - end(own, -0.5)).norm();
                 assert!(gap_m < 1e-6, "{gap_m}");
+                let faster = vector(own.velocity.linear).norm();
+                assert!(faster < 4.0, "{faster}");
             }
         }
     }

@@ -266,7 +266,7 @@ impl Gateway {
 /// What etcd says to a request without a token, and to one with a token from before a change of users.
 const UNKNOWN: [&str; 2] = ["user name is empty", "revision of auth store is old"];
 
-/// What helps an etcd that has no room left.
+/// The remedy for an etcd that has no room left.
 const MAKE_ROOM: &str = "compact and defragment etcd, or give it more room (--quota-backend-bytes), and then lift its alarm (etcdctl alarm disarm)";
 
 fn refusal(status: u16, text: &str) -> GatewayError {

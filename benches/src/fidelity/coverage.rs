@@ -16,7 +16,7 @@ pub(super) const COVERAGE: Shown<Cover> = Shown { name: "fidelity-coverage", tab
 
 /// The part of the time that audits take where stated errors are compared with true ones. These worlds are
 /// small: in a hundredth of the time few islands would be audited.
-const AUDITED: f64 = 0.5;
+const AUDITED: f64 = 0.1;
 
 /// How often the true error lay in the stated interval, for one scene and setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -40,12 +40,13 @@ pub(super) fn measure(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
     ];
     let mut covers = Vec::new();
     for case in cases {
-        for (setting, fidelity) in
-            [("auto", Fidelity::AUTO), ("lowest rate", Fidelity::Tolerance { m_s: 1e6 })]
+        // No run is another one's twin where both settings choose the same rates.
+        for (setting, fidelity, first_seed) in
+            [("auto", Fidelity::AUTO, 100), ("lowest rate", Fidelity::Tolerance { m_s: 1e6 }, 200)]
         {
             let (mut within, mut stated_sum, mut true_sum) = (0, 0.0, 0.0);
             for seed in 0..seeds {
-                let scene = unseen(scene_of(case, 100 + seed)?);
+                let scene = unseen(scene_of(case, first_seed + seed)?);
                 let mut world = world(&scene, fidelity)?;
                 world.set_audited(AUDITED);
                 world.audit_all();
@@ -72,12 +73,13 @@ pub(super) fn measure(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
     Ok(covers)
 }
 
-/// Returns a scene that is looked at from an empty region beside it, and from nowhere else.
+/// Returns a scene in four regions that is looked at from empty ones beside it, and from nowhere else.
 fn unseen(scene: Scene) -> Scene {
     let [min, max] = [scene.bounds.min, scene.bounds.max];
+    let middle = |axis: usize| 0.5 * (min[axis] + max[axis]);
     Scene {
         bounds: Bounds::new([min[0] - 200.0, min[1], min[2]], max),
-        cuts: vec![(Axis::X, min[0] - 100.0)],
+        cuts: vec![(Axis::X, min[0] - 100.0), (Axis::X, middle(0)), (Axis::Z, middle(2))],
         viewpoints: vec![Viewpoint { at: [min[0] - 150.0, 0.0, 0.0], radius_m: 1.0 }],
         ..scene
     }

@@ -2,6 +2,7 @@
 //! error stated beside the true one, the budget asked for beside the time taken.
 
 mod coverage;
+mod doubling;
 mod fine;
 mod picture;
 
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use self::coverage::COVERAGE;
+use self::doubling::DOUBLING;
 use self::fine::FINE;
 use crate::draw;
 use crate::output::{Output, Shown};
@@ -49,6 +51,8 @@ pub(crate) struct Fidelities {
 enum Part {
     /// Time saved beside error added.
     Savings,
+    /// A budget in a world whose load doubles.
+    Doubling,
     /// Errors stated beside true ones.
     Coverage,
     /// Loads out of proportion.
@@ -116,6 +120,17 @@ impl Fidelities {
             }
             Ok(())
         })?;
+        let doubling = self.output.fill(&DOUBLING, |rows| {
+            if !measures(Part::Doubling) {
+                return Ok(());
+            }
+            let (case, ticks) = if self.output.quick {
+                (("town", "n", 1_200, true), 90)
+            } else {
+                (("town", "n", 2_000, true), 660)
+            };
+            doubling::measure(case, ticks)?.into_iter().try_for_each(|row| rows.push(row))
+        })?;
         let covers = self.output.fill(&COVERAGE, |rows| {
             if !measures(Part::Coverage) {
                 return Ok(());
@@ -139,7 +154,8 @@ impl Fidelities {
         if self.json {
             let savings: Vec<_> = savings.iter().map(|row| &row.row).collect();
             let fine: Vec<_> = fine.iter().map(|row| &row.row).collect();
-            let rows = json!({ "savings": savings, "coverage": covers, "fine": fine, "within": within, "runs": runs });
+            let doubling: Vec<_> = doubling.iter().map(|row| &row.row).collect();
+            let rows = json!({ "savings": savings, "doubling": doubling, "coverage": covers, "fine": fine, "within": within, "runs": runs });
             println!("{rows}");
         }
         Ok(())

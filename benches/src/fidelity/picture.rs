@@ -81,8 +81,8 @@ fn stated(covers: &[&Cover]) -> LinePanel {
     }
     LinePanel {
         title: "Stated and true errors, means over seeds".to_owned(),
-        x_label: Some("true error, m/s per tick".to_owned()),
-        y_label: "stated error, m/s per tick".to_owned(),
+        x_label: Some("true error, m/s".to_owned()),
+        y_label: "stated error, m/s".to_owned(),
         lines,
         limit: None,
     }

@@ -8,7 +8,7 @@ use crate::space::Viewpoint;
 #[derive(clap::Args)]
 pub(super) struct FidelityArgs {
     /// Compute in full only what is looked at. `auto` (or tolerance=M_S) steps all other regions as seldom as
-    /// keeps the mean error of a body's velocity per tick below 0.33 m/s (or M_S); budget=MS steps them as
+    /// keeps the mean error of a body's velocity after a step below 0.33 m/s (or M_S); budget=MS steps them as
     /// seldom as keeps a tick within MS milliseconds; `off` computes everything in full [default: what the
     /// scene says, else off]
     #[arg(long, value_name = "HOW")]

@@ -485,7 +485,7 @@ impl Governor {
         self.credit = self.credit.min(0.0) - bodies * (0.875 + 0.25 * lot);
     }
 
-    /// Notes the error that an audit of a region found: the mean over an island's bodies per tick, m/s.
+    /// Notes the error that an audit of a region found: the mean over an island's bodies after the step, m/s.
     pub(super) fn note_error(&mut self, region: RegionId, error_m_s: f32) {
         self.audits += 1;
         let weight = std::mem::take(&mut self.unaudited).max(1.0) as f32;

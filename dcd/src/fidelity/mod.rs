@@ -34,7 +34,7 @@ pub enum Fidelity {
     /// What is looked at is computed in full, all else as seldom as keeps the mean error of its bodies below
     /// a tolerance. The result is the same with any number of threads.
     Tolerance {
-        /// The tolerated error of a body's velocity per tick, on average, m/s; above 0.
+        /// The tolerated error of a body's velocity after a step, on average, m/s; above 0.
         m_s: f32,
     },
     /// As much is computed in full as fits into a time, what is looked at before all else. The choice depends
@@ -103,8 +103,8 @@ impl std::str::FromStr for Fidelity {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 #[non_exhaustive]
 pub struct FidelityReport {
-    /// The mean error of a body's velocity per tick against a model with steps four times as fine, m/s, by
-    /// the audits of the last ticks. Zero before the first audit. The next two fields are its 95 % confidence
+    /// The mean error of a body's velocity after a step, m/s, against a model with steps a quarter of a tick
+    /// long, by the last audits. Each tick counts with the step that computes it. Zero before the first audit. The next two fields are its 95 % confidence
     /// interval.
     pub error_m_s: f32,
     /// The lower end of that interval, m/s.

@@ -125,7 +125,7 @@ impl RegionState {
 /// The result of an audit.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Audited {
-    /// The mean error per tick of the region's bodies, as the audit estimates it, m/s; `None` if what was
+    /// The mean error of the region's bodies after the step, as the audit estimates it, m/s; `None` if what was
     /// drawn could not be audited.
     pub error_m_s: Option<f32>,
     /// The cost of the audit, in bodies stepped once.

@@ -136,8 +136,11 @@ impl Audit {
     }
 
     /// Computes the finer model and returns how far it is from what the region came to: the mean difference
-    /// of the bodies' velocities per tick of the step, m/s. Returns `None` if a body has gone, or if the
+    /// of the bodies' velocities at the end of the step, m/s. Returns `None` if a body has gone, or if the
     /// result is not finite.
+    ///
+    /// The difference is not divided by the ticks of the step. That would make long steps look better than
+    /// short ones: what collides errs by about its speed once, however long the step is.
     pub(super) fn finish(mut self, region: &Region) -> Option<f32> {
         let after = &region.physics().bodies;
         if self.members.values().any(|(body, _)| !after.contains(*body)) {
@@ -159,7 +162,7 @@ impl Audit {
             f64::from((after[*body].linvel() - self.world.bodies[*copy].linvel()).length())
         });
         let (sum, count) = off.fold((0.0, 0), |(sum, count), off| (sum + off, count + 1));
-        let mean = sum / f64::from(count.max(1)) / f64::from(self.ticks);
+        let mean = sum / f64::from(count.max(1));
         (mean.is_finite()).then_some(mean as f32)
     }
 }

@@ -1,6 +1,7 @@
 //! Tests worlds that compute less where nobody looks: no body is lost, what is in sight is as if all were
 //! computed in full, time neither stands still nor runs twice, and the error is as stated.
 
+mod audited;
 mod loads;
 mod noted;
 mod out_of_sight;

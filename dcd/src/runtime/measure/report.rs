@@ -79,7 +79,7 @@ pub struct FidelityShare {
     /// The time of regions' steps over the time that they would have taken at full rate, by the governor's
     /// estimate.
     pub share_of_full_time: f64,
-    /// The mean error of a body's velocity per tick against a model four times as fine, m/s, by audits.
+    /// The mean error of a body's velocity after a step against a model four times as fine, m/s, by audits.
     pub error_stated_m_s: Stated,
     /// The number of audits so far.
     pub audits: u64,
@@ -108,7 +108,7 @@ impl FidelityShare {
         let [full, half, quarter] = self.levels;
         let Stated { mean, low95, high95 } = self.error_stated_m_s;
         let error = match high95 {
-            Some(high95) => format!("mean error {mean:.3} m/s per tick ({low95:.3} to {high95:.3})"),
+            Some(high95) => format!("mean error {mean:.3} m/s ({low95:.3} to {high95:.3})"),
             None => "no error known yet".to_owned(),
         };
         let overruns = match self.overruns {

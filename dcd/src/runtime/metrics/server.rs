@@ -135,7 +135,7 @@ impl Source for ServerMetrics {
         .is(fidelity.map_or(1.0, |report| report.share_of_full_time));
         text.gauge(
             "dcd_world_fidelity_error_meters_per_second",
-            "The mean error of a body per tick that fidelity costs, by its audits.",
+            "The mean error of a body's velocity after a step, by the audits of fidelity.",
         )
         .is(fidelity.map_or(0.0, |report| f64::from(report.error_m_s)));
         text.gauge("dcd_world_nodes", "Nodes that have joined and are linked.").is(nodes as f64);

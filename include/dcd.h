@@ -4066,9 +4066,10 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // body.
 //
 // Writes what does not hold, one finding per line, to `buf` of `cap` bytes with a NUL, and the size with NUL to `needed`. The size
-// is 1 as long as all is well, and in a served world, which has nothing to check here. With `cap` 0, `buf` may be null, to ask for
-// the size.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not).
+// is 1 as long as all is well. With `cap` 0, `buf` may be null, to ask for the size.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not),
+// DCD_ERR_UNSUPPORTED (in a served world).
 DCD_API
 DcdStatus dcd_validate(DcdWorld world,
                        char *buf,

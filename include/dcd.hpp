@@ -517,7 +517,7 @@ public:
             return dcd_stats_text(world_, out, cap, needed);
         });
     }
-    /* Returns what does not hold in the world, one finding per line; empty as long as all is well. */
+    /* Returns what does not hold in the world, one finding per line; empty as long as all is well. Local worlds only. */
     Result<std::string> validate() const
     {
         return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_validate(world_, out, cap, needed); });

@@ -118,9 +118,10 @@ pub unsafe extern "C" fn dcd_stats_text(
 /// body.
 ///
 /// Writes what does not hold, one finding per line, to `buf` of `cap` bytes with a NUL, and the size with NUL to `needed`. The size
-/// is 1 as long as all is well, and in a served world, which has nothing to check here. With `cap` 0, `buf` may be null, to ask for
-/// the size.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not).
+/// is 1 as long as all is well. With `cap` 0, `buf` may be null, to ask for the size.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not),
+/// DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_validate(
     world: DcdWorld,
@@ -132,7 +133,7 @@ pub unsafe extern "C" fn dcd_validate(
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
         ask(world, |world| {
-            let found = world.dcd.validate();
+            let found = world.dcd.validate()?;
             let text: String = found.iter().map(|finding| format!("{finding}\n")).collect();
             out.fill(text.bytes().chain([0]).collect::<Vec<_>>().into_iter())
         })

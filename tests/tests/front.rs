@@ -115,6 +115,7 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     assert_eq!(refused(client.queries().map(drop)).instead, Instead::SubmitQuery);
     assert_eq!(refused(client.save(Vec::new())).instead, Instead::ServerKeeps);
     assert_eq!(refused(client.state_hash()).instead, Instead::CompareLocal);
+    assert_eq!(refused(client.validate()).instead, Instead::LookLocal);
     assert_eq!(refused(client.token(JoinRole::Node, LIMIT)).instead, Instead::AskServer);
     assert_eq!(refused(client.address()).instead, Instead::AskListener);
     let ball = || ColliderBuilder::ball(0.5);
@@ -140,6 +141,7 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
         assert_eq!(refused(world.update(id, |body| body.wake_up(true))).instead, instead);
         assert_eq!(refused(world.set_interest(None)).instead, Instead::JoinAsClient);
         assert_eq!(refused(world.state_hash()).instead, Instead::ComputeAlone);
+        assert_eq!(refused(world.validate()).instead, Instead::ComputeAlone);
     }
 
     let mut local = World::new(WorldConfig::default()).unwrap();

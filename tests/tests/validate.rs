@@ -11,7 +11,7 @@ fn validated(scene: &str, parameters: &[&str], regions: usize, coupling: Couplin
     let mut world = World::from_scene(&scene, config).unwrap();
     let mut shared = 0;
     for tick in 0..ticks {
-        assert_eq!(world.validate(), [], "{coupling:?} in {regions} regions after tick {tick}");
+        assert_eq!(world.validate().unwrap(), [], "{coupling:?} in {regions} regions after tick {tick}");
         world.step().unwrap();
         shared += world.stats().replicas;
     }
@@ -43,7 +43,7 @@ fn a_body_that_is_put_elsewhere_or_removed_leaves_no_trace() {
             30 => world.remove(ids[1]).unwrap(),
             _ => {}
         }
-        assert_eq!(world.validate(), [], "before tick {round}");
+        assert_eq!(world.validate().unwrap(), [], "before tick {round}");
         world.step().unwrap();
     }
     assert_eq!(world.movable_count(), 2);
@@ -63,7 +63,7 @@ fn a_body_that_comes_into_a_world_at_rest_is_held_by_whom_its_owner_believes() {
             if tick == 2 {
                 world.insert(RigidBodyBuilder::new(kind), ColliderBuilder::ball(0.2)).unwrap();
             }
-            assert_eq!(world.validate(), [], "{coupling:?}, {kind:?}, before tick {tick}");
+            assert_eq!(world.validate().unwrap(), [], "{coupling:?}, {kind:?}, before tick {tick}");
             world.step().unwrap();
         }
     }

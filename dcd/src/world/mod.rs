@@ -1,6 +1,6 @@
 //! Defines [`World`], one interface for every role of a process in a world (local, client, builder,
 //! participant, server, node). The methods are the same in all roles, and so are the errors for what a role
-//! cannot do.
+//! cannot do, of methods that return a `Result`.
 //!
 //! `Inner` has two variants: the world that this process computes alone ([`LocalWorld`]), and one that other
 //! processes compute (`remote::Remote`: `served` for clients, builders and participants, `hosted` for servers
@@ -59,8 +59,9 @@ pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 ///
 /// This process alone computes a local world, by one Rapier world per region. A client, a participant, a
 /// server and a node are processes of a served world ([`World::connect`], [`World::participate`],
-/// [`World::serve`], [`World::join_as_node`]). All have the same methods. A method that does not suit the
-/// role returns [`Unsupported`], which says what to do instead.
+/// [`World::serve`], [`World::join_as_node`]). All have the same methods. A method that returns a `Result` and
+/// does not suit the role returns [`Unsupported`], which says what to do instead. The documentation of other
+/// methods says what they return in which role.
 ///
 /// ```
 /// use dcd::prelude::*;

@@ -182,12 +182,11 @@ impl World {
 
     /// Checks the invariants of a local world between two ticks, and returns what violates them: exactly one
     /// owner per body, an owner index that leads to it, owners and regions that agree on who holds what,
-    /// lists in order, shares of masses that add up, and finite numbers. An empty result means that all is
-    /// well. The check looks at every body. In other roles the result is empty. The feature `validate` runs
-    /// the check after every tick, and panics on a finding.
-    #[must_use]
-    pub fn validate(&self) -> Vec<Inconsistency> {
-        self.alone().map(|world| world.host().validate()).unwrap_or_default()
+    /// lists in order, shares of masses that add up, and finite numbers. An empty list means that all is
+    /// well. The check looks at every body. Local worlds only; the feature `validate` runs the check after
+    /// every tick, on nodes too, and panics on a finding.
+    pub fn validate(&self) -> Result<Vec<Inconsistency>, Error> {
+        Ok(self.local("check how its regions agree", Instead::LookLocal)?.host().validate())
     }
 
     /// Moves the plane of an inner vertex of the distribution tree to `at`, metres along the plane's axis,

@@ -241,6 +241,20 @@ fn parameters_that_do_not_reach_nodes_are_refused() {
 }
 
 #[test]
+fn a_world_is_stepped_by_one_thread_at_least() {
+    for threads in [0, 1025] {
+        let made = World::new(WorldConfig { threads, ..WorldConfig::default() }).map(drop);
+        let restored = World::restore(&[][..], threads).map(drop);
+        for refused in [made, restored].map(|result| result.expect_err("it is refused").to_string()) {
+            assert!(
+                refused.contains(&format!("{threads}")) && refused.contains("1 to 1024 threads"),
+                "{refused}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_body_keeps_what_it_was_built_with() {
     let mut world = World::new(WorldConfig::default()).unwrap();
     let mut body = RigidBodyBuilder::dynamic().translation(Vector::new(1.0, 2.0, 3.0)).user_data(7).build();

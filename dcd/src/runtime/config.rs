@@ -234,7 +234,7 @@ pub(super) fn check_viewpoints(viewpoints: &[Viewpoint]) -> Result<(), WorldErro
 }
 
 pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {
-    if threads > 1024 {
+    if !(1..=1024).contains(&threads) {
         let (what, range) = ("threads", "1 to 1024 threads");
         return Err(WorldError::Setting { what, value: threads.to_string(), range });
     }

@@ -39,7 +39,7 @@ const LONGEST_PATIENCE_TICKS: u32 = 64 * PATIENCE_TICKS;
 pub(super) struct Disagreement {
     /// The largest of any copy, in an exchange.
     pub most_m_s: f32,
-    /// The largest of any body's first copy. It is averaged as a vector over a quarter of a second and summed
+    /// The largest of any body's first copy. It is averaged as a vector over [`AVERAGED_TICKS`] and summed
     /// over the exchanges of a tick, less a part of the body's speed.
     pub lasting_m_s: f32,
 }

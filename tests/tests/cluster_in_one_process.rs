@@ -250,7 +250,7 @@ fn a_recorded_town_that_was_served_and_computed_less_where_nobody_looks_is_repla
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
     assert_eq!(server.stop().unwrap().tick, Tick(TICKS));
     members.into_iter().for_each(|member| drop(member.finish().unwrap()));
-    let open = |file: &PathBuf| (file.display().to_string(), open_recording(file, 1).unwrap());
+    let open = |file: &PathBuf| (file.display().to_string(), open_recording(file, 1, None).unwrap());
     let mut replay = Replay::new(files.iter().map(open).collect()).unwrap();
     let mut late = 0;
     while replay.advance(Tick(u64::MAX)).unwrap() {

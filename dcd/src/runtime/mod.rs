@@ -97,7 +97,7 @@ pub(crate) use origin::Beginning;
 pub use origin::Origin;
 #[cfg(feature = "net")]
 pub use pulse::Pulse;
-pub use replays::{last_recorded_tick, open_recording, replayed_regions};
+pub use replays::{MakePhysics, last_recorded_tick, open_recording, replayed_regions};
 #[cfg(feature = "net")]
 pub use serve_config::{GroupConfig, ServeConfig};
 #[cfg(feature = "net")]

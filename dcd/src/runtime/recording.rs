@@ -165,7 +165,7 @@ mod tests {
     }
 
     fn replay(bytes: Vec<u8>) -> Replay {
-        let member = open(io::Cursor::new(bytes), &Here { threads: 1 }).unwrap();
+        let member = open(io::Cursor::new(bytes), &Here { threads: 1, stand_in: None }).unwrap();
         Replay::new(vec![(String::new(), member)]).unwrap()
     }
 

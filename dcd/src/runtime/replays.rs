@@ -18,9 +18,14 @@ use crate::recording::{
 };
 use crate::space::{BodyId, RegionId, Tick};
 
-/// Opens a recording of a local world or of a node, which `threads` threads will compute.
-pub fn open_recording(path: &Path, threads: usize) -> Result<Box<dyn Replayed>, RecordingError> {
-    open(read(path)?, &Here { threads })
+/// Opens a recording of a local world or of a node, which `threads` threads will compute. `stand_in` makes the
+/// physics of simulated nodes; without it, recordings of these are refused.
+pub fn open_recording(
+    path: &Path,
+    threads: usize,
+    stand_in: Option<MakePhysics>,
+) -> Result<Box<dyn Replayed>, RecordingError> {
+    open(read(path)?, &Here { threads, stand_in })
 }
 
 /// Returns the last tick of a recording, as far as it can be read.
@@ -42,16 +47,20 @@ pub fn replayed_regions(replayed: &dyn Replayed) -> Option<&RegionHost> {
     }
 }
 
+/// Makes the physics of one node.
+pub type MakePhysics = fn() -> Box<dyn Physics>;
+
 pub(super) struct Here {
     pub(super) threads: usize,
+    pub(super) stand_in: Option<MakePhysics>,
 }
 
 impl Computers for Here {
     fn node(&self, stand_in: bool) -> Option<Box<dyn Physics>> {
-        if !stand_in {
-            return Some(Box::new(PhysicsDevice::new(self.threads)));
+        match stand_in {
+            true => self.stand_in.map(|make| make()),
+            false => Some(Box::new(PhysicsDevice::new(self.threads))),
         }
-        stand_in_physics()
     }
 
     fn can_build(&self) -> Option<CanBuild> {
@@ -61,16 +70,6 @@ impl Computers for Here {
     fn local(&self) -> Option<Box<dyn LocalPhysics>> {
         Some(Box::new(LocalComputer::new(self.threads)))
     }
-}
-
-#[cfg(any(test, feature = "sim"))]
-fn stand_in_physics() -> Option<Box<dyn Physics>> {
-    Some(Box::<crate::sim::StandIn>::default())
-}
-
-#[cfg(not(any(test, feature = "sim")))]
-fn stand_in_physics() -> Option<Box<dyn Physics>> {
-    None
 }
 
 /// A local world in which a recording is repeated.

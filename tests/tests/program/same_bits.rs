@@ -102,7 +102,7 @@ fn act(world: &mut World, bodies: &mut Vec<BodyId>, deed: Deed) -> BodyId {
 /// Returns the tick in which a node did each deed that the program told it, by the node's recording. Each
 /// tick computed again from the recording must have the same bits.
 fn ticks_of(recording: &Path, told: &[(Deed, BodyId)]) -> Vec<Tick> {
-    let mut replayed = open_recording(recording, 1).unwrap();
+    let mut replayed = open_recording(recording, 1, None).unwrap();
     let mut done = vec![BTreeSet::new(); told.len()];
     while let Some(settled) = replayed.advance().unwrap() {
         assert_eq!(settled.replayed, settled.recorded, "{}", settled.tick);

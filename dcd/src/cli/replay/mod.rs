@@ -19,6 +19,7 @@ use super::values::address;
 use super::view::ANY_PORT;
 use crate::recording::{Cut, Flip, Maker, RecordingError, Replay as Worlds, Who};
 use crate::runtime::open_recording;
+use crate::sim::StandIn;
 use crate::space::{BodyId, ClientId, Tick};
 
 /// The file extension of recordings.
@@ -228,7 +229,7 @@ pub(super) fn open(
             return Err(Failure::usage(format!("{} is given twice", file.display())));
         }
         let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", file.display()));
-        let mut member = open_recording(&file, threads).map_err(fails)?;
+        let mut member = open_recording(&file, threads, Some(|| Box::<StandIn>::default())).map_err(fails)?;
         // `Worlds::new` already computes the first tick, after which the flip may be due.
         flip.into_iter().for_each(|flip| member.flip(flip));
         if let Some(unlike) = member.maker().unlike(&here) {

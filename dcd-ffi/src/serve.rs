@@ -430,12 +430,9 @@ fn groups(def: &DcdGroupDef) -> Result<GroupConfig, Failure> {
             return wrong("far_ms", far, "milliseconds above near_ms, which is above 0, or 0 for both");
         }
     };
-    let max_size = def.size as usize;
-    let grouping = Grouping::default();
-    let votes = dcd::cluster::PollRules { max_size, ..grouping.votes };
     Ok(GroupConfig {
         lag_ticks: def.lag_ticks,
         thresholds: Thresholds { delay, between_groups_m: def.agree, ..Thresholds::default() },
-        grouping: Grouping { max_size, votes, ..grouping },
+        grouping: Grouping { max_size: def.size as usize, ..Grouping::default() },
     })
 }

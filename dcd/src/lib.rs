@@ -149,7 +149,7 @@ pub mod query {
 #[cfg(feature = "net")]
 pub mod network {
     #[cfg(feature = "physics")]
-    pub use crate::cluster::{GroupPolicy, Grouping, Hint, HintUse, PollRules};
+    pub use crate::cluster::{GroupPolicy, Grouping, PollRules};
     pub use crate::net::{JoinRole, PeerName, PeerStats};
     #[cfg(feature = "physics")]
     pub use crate::prediction::Prediction;

@@ -19,7 +19,7 @@ use super::summary::{Served, Summary};
 use super::values::{SERVER, address, duration, positive, share, shell_word, speed, unused};
 use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
-use crate::cluster::{GroupPolicy, Grouping, PollRules};
+use crate::cluster::{GroupPolicy, Grouping};
 use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{
@@ -345,8 +345,7 @@ impl Serve {
         let thresholds = Thresholds { delay, between_groups_m: self.agree, ..Thresholds::default() };
         let max_size = usize::from(self.group_size);
         let policy = if self.powers_of_two { GroupPolicy::PowersOfTwo } else { GroupPolicy::Largest };
-        let votes = PollRules { max_size, ..PollRules::default() };
-        let grouping = Grouping { max_size, policy, votes, ..Grouping::default() };
+        let grouping = Grouping { max_size, policy, ..Grouping::default() };
         Ok(GroupConfig { lag_ticks: self.lag, thresholds, grouping })
     }
 

@@ -274,7 +274,7 @@ impl Server {
         group.record.mark_all(Default::default());
         let groups = [(main, group)].into();
         let arbiter = arbiter::Arbiter::default();
-        let polls = Polls::new(common.config.grouping.votes);
+        let polls = Polls::new(common.config.grouping.poll_rules());
         Self {
             polls,
             questions: Questions::default(),

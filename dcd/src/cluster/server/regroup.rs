@@ -29,15 +29,17 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// The rules of which nodes may share a group.
 #[derive(Clone, Debug, Encode, Decode)]
 pub struct Grouping {
-    /// The largest number of nodes in a group.
+    /// The largest number of nodes in a group, also by votes.
     pub max_size: usize,
     /// The preferred sizes of groups.
     pub policy: GroupPolicy,
     /// Hints about which nodes belong together.
+    #[doc(hidden)]
     pub hints: Vec<Hint>,
-    /// The rules of votes.
+    /// The rules of votes. Their `max_size` does not count: that of the grouping does.
     pub votes: PollRules,
     /// Which participants are verified. A server process sets it by its `ServeConfig::verify`.
+    #[doc(hidden)]
     pub verification: Verification,
 }
 
@@ -51,6 +53,13 @@ impl Default for Grouping {
             votes,
             verification: Verification::default(),
         }
+    }
+}
+
+impl Grouping {
+    /// Returns the rules of votes, which let no group grow beyond the size of this grouping.
+    pub(super) fn poll_rules(&self) -> PollRules {
+        PollRules { max_size: self.max_size, ..self.votes }
     }
 }
 

@@ -15,8 +15,9 @@ mod vicinity;
 use std::sync::Arc;
 
 use super::*;
+use crate::cluster::{Call, VoteRefusal};
 use crate::protocol::{BodyCheckpoint, BodyRecord, Claim, Delay, DelayThresholds, Dispatch, Stance};
-use crate::protocol::{Chunk, FromClient, Pose, ShapeRecord, ToNode, ToServer};
+use crate::protocol::{Chunk, FromClient, Motion, Pose, ShapeRecord, ToNode, ToServer};
 use crate::sim::{sim_body, sim_collider as collider, sim_world};
 use crate::space::{Epoch, RegionId};
 
@@ -52,6 +53,19 @@ fn tell(server: &mut Server, node: u32, message: Message) -> Vec<ServerOutput> {
     server.handle(now, ServerEvent::Message { from: Peer::Node(NodeId(node)), message });
     let is_said = |output: &ServerOutput| !matches!(output, ServerOutput::Store(_));
     std::iter::from_fn(|| server.poll_output()).filter(is_said).collect()
+}
+
+#[test]
+fn no_vote_lets_a_group_grow_beyond_the_size_of_its_grouping() {
+    for (max_size, refusal) in [(3, Some(VoteRefusal::Full)), (4, None)] {
+        let mut config = config(1);
+        config.grouping.max_size = max_size;
+        let mut server = Server::new(config, Record::default());
+        let (group, present) = ([1, 2, 3].map(NodeId), [NodeId(4)]);
+        let motion = Motion::Include(NodeId(4));
+        let call = Call { caller: NodeId(1), motion, group: &group, present: &present, changing: false };
+        assert_eq!(server.polls.call(Duration::from_secs(1_000), &call).err(), refusal);
+    }
 }
 
 #[test]

@@ -14,7 +14,9 @@ use crate::space::NodeId;
 /// ours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct PollRules {
-    /// The largest number of nodes in a group; see [`super::super::GroupRules::max_size`].
+    /// The largest number of nodes in a group. A server replaces it by that of its
+    /// [`Grouping`](crate::cluster::Grouping).
+    #[doc(hidden)]
     pub max_size: usize,
     /// The time for which a poll waits for ballots. A voter that has not voted by then abstains.
     pub deadline: Duration,

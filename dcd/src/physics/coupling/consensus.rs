@@ -19,10 +19,10 @@ use crate::space::RegionSet;
 
 /// Speeds and displacements below which a ghost's pose is left alone: a pose written every step would never
 /// let it sleep.
-const STILL_M_S: f32 = 0.05;
-const STILL_RAD_S: f32 = 0.1;
-const MOVED_M: f32 = 2e-3;
-const TURNED_RAD: f32 = 2e-3;
+pub(super) const STILL_M_S: f32 = 0.05;
+pub(super) const STILL_RAD_S: f32 = 0.1;
+pub(super) const MOVED_M: f32 = 2e-3;
+pub(super) const TURNED_RAD: f32 = 2e-3;
 /// The distance from their mean up to which copies with a part of the mass are left alone. Friction may hold
 /// them there, and drawing what is held would wind up the memory of forces until it slips.
 const SLACK_M: f32 = 1e-3;
@@ -38,9 +38,9 @@ const MOTION_RAD_S: f32 = 1.0;
 /// The part of a body's speed up to which lasting disagreement counts as none: beside the body's motion
 /// nobody sees it.
 const IN_MOTION: f32 = 0.1;
-/// The speeds of the consensus above which a sleeping copy is woken.
-const WAKE_M_S: f32 = 0.05;
-const WAKE_RAD_S: f32 = 0.05;
+/// The speeds of another copy, or of the consensus, above which a sleeping copy is woken.
+pub(super) const WAKE_M_S: f32 = 0.05;
+pub(super) const WAKE_RAD_S: f32 = 0.05;
 
 /// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for
 /// each other region, how far the velocities of the copies of split bodies held by both were from their

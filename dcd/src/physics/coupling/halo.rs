@@ -6,6 +6,7 @@
 use rapier3d::prelude::*;
 
 use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
+use super::predicted_contacts::{LONGEST_REST, SURPRISE_M_S};
 use super::{Border, Side};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
@@ -13,11 +14,6 @@ use crate::physics::partition::{HALO_HYSTERESIS_M, HUB_REACH_M, OWNER_HYSTERESIS
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyRecord, Membership, Transfer};
 use crate::space::{Bounds, RegionSet, Tick};
-
-/// The most ticks after which a body far from any border is checked again.
-const LONGEST_REST: u32 = 8;
-/// The gain of speed between checks, m/s, up to which a body is still checked in time.
-const SURPRISE_M_S: f32 = 10.0;
 
 /// A change of the regions that hold a body, or of its owner.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 //! Momentum is not conserved across a border: each side solves the contact with its own copy of the other
 //! body.
 
-use super::consensus::turned_rad;
+use super::consensus::{MOVED_M, STILL_M_S, STILL_RAD_S, TURNED_RAD, WAKE_M_S, WAKE_RAD_S, turned_rad};
 use super::{Ground, Side, ghosts, halo};
 use crate::physics::ShapeError;
 use crate::physics::convert;
@@ -12,15 +12,6 @@ use crate::physics::partition::Partition;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, Membership, SharedState};
 use crate::space::{RegionSet, Tick};
-
-/// Displacements and speeds below which a replica's pose is left alone: a pose written every step would never
-/// let it sleep.
-const DEAD_BAND_M: f32 = 2e-3;
-const DEAD_BAND_RAD: f32 = 2e-3;
-const DEAD_BAND_M_S: f32 = 0.05;
-const DEAD_BAND_RAD_S: f32 = 0.1;
-/// The speed of one copy, m/s, above which another copy of the body is woken.
-const WAKE_M_S: f32 = 0.05;
 
 /// Sends the states of owned bodies to their holders, and the changes of holders and owners.
 pub(super) fn gather(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
@@ -76,7 +67,7 @@ fn tell_wakes(region: &Region, outbox: &mut Outbox) {
         let body = &region.physics().bodies[link.handle];
         let stirred = !body.is_sleeping()
             && (body.linvel().length() > WAKE_M_S
-                || (body.translation() - asleep_at.translation).length() > DEAD_BAND_M);
+                || (body.translation() - asleep_at.translation).length() > MOVED_M);
         if stirred {
             outbox.to(owner).wakes.push(link.id);
         }
@@ -128,10 +119,10 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
     let moved_m = (pose.translation - body.translation()).length();
     let turned_rad = turned_rad(pose.rotation, *body.rotation());
     if body.is_sleeping() {
-        let differs = moved_m > DEAD_BAND_M
+        let differs = moved_m > MOVED_M
             || linear.length() > WAKE_M_S
-            || angular.length() > WAKE_M_S
-            || turned_rad > 5.0 * DEAD_BAND_RAD;
+            || angular.length() > WAKE_RAD_S
+            || turned_rad > 5.0 * TURNED_RAD;
         if differs {
             region.put_copy(link.handle, pose);
             let body = &mut region.world_mut().bodies[link.handle];
@@ -144,10 +135,10 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
     let body = &mut region.world_mut().bodies[link.handle];
     body.set_linvel(linear, false);
     body.set_angvel(angular, false);
-    let still = linear.length() < DEAD_BAND_M_S
-        && angular.length() < DEAD_BAND_RAD_S
-        && moved_m < DEAD_BAND_M
-        && turned_rad < DEAD_BAND_RAD;
+    let still = linear.length() < STILL_M_S
+        && angular.length() < STILL_RAD_S
+        && moved_m < MOVED_M
+        && turned_rad < TURNED_RAD;
     if !still {
         region.put_copy(link.handle, pose);
     }

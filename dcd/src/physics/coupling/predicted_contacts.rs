@@ -15,7 +15,7 @@ mod near;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub(super) use self::look::{SURPRISE_M_S, look, look_at};
+pub(super) use self::look::{LONGEST_REST, SURPRISE_M_S, look, look_at};
 pub(super) use self::meeting::Meeting;
 use self::near::Near;
 pub(in crate::physics) use self::near::swept_bounds;

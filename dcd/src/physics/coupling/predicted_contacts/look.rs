@@ -11,7 +11,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::space::Bounds;
 
 /// The most ticks after which a body far from any border is checked again.
-const LONGEST_REST: u32 = 8;
+pub(in crate::physics::coupling) const LONGEST_REST: u32 = 8;
 /// The gain of speed between checks, m/s, up to which a body is still checked in time.
 pub(in crate::physics::coupling) const SURPRISE_M_S: f32 = 10.0;
 /// The mark of a body that is far from any border.

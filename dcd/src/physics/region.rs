@@ -43,17 +43,19 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
 use self::assembly::Assemblies;
+use self::awake::ChangedSleep;
 use self::characters::Walking;
 use self::cow_world::CowWorld;
 use self::id_hash::IdHash;
 use self::kinematic_targets::KinematicTargets;
+use self::refine::Findings;
+use self::sleepers::Turnover;
 use self::ties::{HeldJoint, JointNews};
 use self::vehicles::Driving;
 use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
-use crate::fidelity::Signals;
 use crate::protocol::{BodyKind, BodyTraits, ContactForce, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
@@ -144,29 +146,15 @@ pub struct Region {
     /// The length of the solver iterations by which Rapier solved each body last, in seconds, by Rapier's
     /// body index. Empty as long as all iterations have had one length.
     iterations_s: Vec<f32>,
-    /// Says whether it has loads out of proportion, as found last: a body that touches or is tied to a much
-    /// heavier or lighter one.
-    strained: bool,
-    signals: Signals,
+    findings: Findings,
     /// The ticks in which it may still not stay behind, since its user has changed something there.
     attended: u8,
     /// Bodies inserted or changed since the last step, perhaps more than once.
     touched: Vec<RigidBodyHandle>,
-    /// Bodies that were woken since the last step by what changed them.
-    #[serde(skip)]
-    roused: Vec<RigidBodyHandle>,
-    /// Bodies with joints that were put to sleep among bodies that are awake.
-    laid: Vec<RigidBodyHandle>,
+    changed_sleep: ChangedSleep,
     /// Bodies that their user has put to sleep since the last step.
     put_to_sleep: Vec<RigidBodyHandle>,
-    /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
-    born_asleep: Vec<RigidBodyHandle>,
-    /// Movable bodies inserted awake since the last step; some may be gone again.
-    born_awake: Vec<RigidBodyHandle>,
-    /// The colliders of copies that were given up since the last step, and the bodies whose boxes met theirs;
-    /// some may be gone, too.
-    departed: Vec<ColliderHandle>,
-    left: Vec<RigidBodyHandle>,
+    turnover: Turnover,
     /// The movable bodies that Rapier does not step, since they are disabled or fixed, by Rapier's body
     /// index.
     #[serde(skip)]
@@ -225,17 +213,12 @@ impl Region {
             mean_step_us: 0.0,
             solved_dt_s: Vec::new(),
             iterations_s: Vec::new(),
-            strained: false,
-            signals: Signals::default(),
+            findings: Findings::default(),
             attended: 0,
             touched: Vec::new(),
-            roused: Vec::new(),
-            laid: Vec::new(),
+            changed_sleep: ChangedSleep::default(),
             put_to_sleep: Vec::new(),
-            born_asleep: Vec::new(),
-            born_awake: Vec::new(),
-            departed: Vec::new(),
-            left: Vec::new(),
+            turnover: Turnover::default(),
             unstepped: BTreeMap::new(),
             revision: 0,
             stepped: 0,

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Ownership, Region};
 use crate::space::JointId;
@@ -11,13 +12,23 @@ use crate::space::JointId;
 /// The depth, metres, from which on a sleeper does not just lie on another body.
 const DEEP_M: f32 = 0.02;
 
+/// The bodies that Rapier's list of active bodies does not have right, since they were woken or put to sleep between steps.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(super) struct ChangedSleep {
+    /// Bodies that were woken since the last step by what changed them.
+    #[serde(skip)]
+    roused: Vec<RigidBodyHandle>,
+    /// Bodies with joints that were put to sleep among bodies that are awake.
+    laid: Vec<RigidBodyHandle>,
+}
+
 impl Region {
     /// Returns the bodies that do not sleep, in no order and some more than once. Rapier's list of active
     /// bodies lacks those that were inserted or woken since its last step. It also lacks those that Rapier
     /// does not step: a disabled body does not sleep.
     pub(in crate::physics) fn awake(&self) -> impl Iterator<Item = RigidBodyHandle> {
         let stepped = self.world.islands.active_bodies();
-        let others = self.touched.iter().chain(&self.roused).chain(self.unstepped.values());
+        let others = self.touched.iter().chain(&self.changed_sleep.roused).chain(self.unstepped.values());
         stepped.chain(others.copied()).filter(|&handle| {
             #[cfg(test)]
             LOOKS.set(LOOKS.get() + 1);
@@ -46,7 +57,7 @@ impl Region {
     pub(super) fn note_awake(&mut self, handle: RigidBodyHandle, was_asleep: bool) {
         let Some(body) = self.world.bodies.get(handle) else { return };
         if was_asleep && !body.is_sleeping() {
-            self.roused.push(handle);
+            self.changed_sleep.roused.push(handle);
         }
         let (is_stepped, index) = (body.is_enabled() && !body.is_fixed(), handle.into_raw_parts().0);
         let can_move = self.slot_at(handle).is_some_and(|slot| slot.role != Ownership::Immovable);
@@ -150,14 +161,14 @@ impl Region {
             self.note_awake(self.touched[place], false);
         }
         self.touched.clear();
-        self.roused.clear();
+        self.changed_sleep.roused.clear();
     }
 
     /// Notes a body with joints that has been put to sleep, perhaps among bodies that are awake.
     pub(super) fn note_laid(&mut self, handle: RigidBodyHandle) {
         let is_tied = self.slot_at(handle).is_some_and(|slot| !slot.joints.is_empty());
         if is_tied && self.world.bodies[handle].is_sleeping() {
-            self.laid.push(handle);
+            self.changed_sleep.laid.push(handle);
         }
     }
 
@@ -165,10 +176,10 @@ impl Region {
     /// that sleeps, or that slept before the last step. Seen with Rapier 0.36.1: a body that Rapier itself
     /// wakes there, as by a contact, has no joints until another choice is made.
     pub(super) fn choose_joints(&mut self) {
-        if self.laid.is_empty() {
+        if self.changed_sleep.laid.is_empty() {
             return;
         }
-        let mut laid = std::mem::take(&mut self.laid);
+        let mut laid = std::mem::take(&mut self.changed_sleep.laid);
         laid.sort_unstable_by_key(|handle| handle.into_raw_parts());
         laid.dedup();
         for &handle in &laid {
@@ -180,7 +191,7 @@ impl Region {
         };
         let sleeps = |handle| self.world.bodies.get(handle).is_some_and(RigidBody::is_sleeping);
         let active = self.world.islands.active_bodies();
-        self.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
+        self.changed_sleep.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
     }
 
     /// Finds the awake bodies that are not on Rapier's list, after the region was restored from a snapshot.
@@ -303,7 +314,7 @@ mod tests {
             for mut region in host.regions().cloned() {
                 let before: BTreeSet<_> =
                     region.own_awake().into_iter().map(RigidBodyHandle::into_raw_parts).collect();
-                (region.roused, region.unstepped) = Default::default();
+                (region.changed_sleep.roused, region.unstepped) = Default::default();
                 region.find_awake();
                 let after: BTreeSet<_> =
                     region.own_awake().into_iter().map(RigidBodyHandle::into_raw_parts).collect();

@@ -71,11 +71,11 @@ impl Region {
         let sleepers: Vec<_> = kept.iter().filter(sleeps).map(|(handle, _)| *handle).collect();
         // Their contacts come to bear their loads as all others do.
         self.put_to_sleep.clear();
-        self.born_asleep.clear();
-        self.born_awake.clear();
+        self.turnover.born_asleep.clear();
+        self.turnover.born_awake.clear();
         self.obstacles.clear();
-        self.departed.clear();
-        self.left.clear();
+        self.turnover.departed.clear();
+        self.turnover.left.clear();
         sleepers.iter().for_each(|handle| self.world.bodies[*handle].wake_up(false));
         for &(handle, pose) in lay {
             // A disabled body is not put back, and touches nothing.

@@ -97,9 +97,9 @@ impl Region {
             self.obstacles.push(handle);
         }
         match role {
-            _ if body.state.sleeping => self.born_asleep.push(handle),
+            _ if body.state.sleeping => self.turnover.born_asleep.push(handle),
             Ownership::Immovable => {}
-            _ => self.born_awake.push(handle),
+            _ => self.turnover.born_awake.push(handle),
         }
         let link = BodyRef { id: body.id, handle };
         if !holders.is_empty() || matches!(role, Ownership::Replica { .. }) {
@@ -172,8 +172,8 @@ impl Region {
             }
         });
         if !beside.is_empty() {
-            self.departed.extend(self.world.bodies[handle].colliders());
-            self.left.extend(beside);
+            self.turnover.departed.extend(self.world.bodies[handle].colliders());
+            self.turnover.left.extend(beside);
         }
         self.without_waking_ends(|region| _ = region.remove(id));
     }

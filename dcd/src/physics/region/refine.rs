@@ -3,6 +3,7 @@
 //! since a soft contact gives way in proportion to its load.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Ownership, Region};
 use crate::fidelity::Signals;
@@ -28,27 +29,36 @@ const SLOW_M: f32 = 0.01;
 /// The spin that counts is the one that one in this many bodies exceeds.
 const SPINNING: usize = 10;
 
+/// The findings of the last look at all awake bodies of a region.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(super) struct Findings {
+    /// Says whether there are loads out of proportion: a body that touches or is tied to a much heavier or
+    /// lighter one.
+    strained: bool,
+    signals: Signals,
+}
+
 impl Region {
     /// Gives more iterations to the awake bodies that touch, or are tied to, much heavier or lighter ones,
     /// and takes them from those that no longer do. Bodies keep the iterations that their user gave them.
     /// Renews the signals.
     pub(in crate::physics) fn refine(&mut self) {
         let awake: Vec<_> = self.world.islands.active_bodies().collect();
-        self.strained = false;
+        self.findings.strained = false;
         for handle in awake {
             let is_strained = self.is_strained(handle);
-            self.strained |= is_strained;
+            self.findings.strained |= is_strained;
             let wanted = self.own_iterations(handle).max(if is_strained { EXTRA } else { 0 });
             if self.world.bodies[handle].additional_solver_iterations() != wanted {
                 self.world.bodies[handle].set_additional_solver_iterations(wanted);
             }
         }
-        self.signals = self.look();
+        self.findings.signals = self.look();
     }
 
     /// Returns the signals that the last [`Region::refine`] found.
     pub(in crate::physics) fn signals(&self) -> Signals {
-        self.signals
+        self.findings.signals
     }
 
     /// Makes awake bodies foresee what they would come to touch in a step of so many ticks of this length, and lets them
@@ -123,7 +133,7 @@ impl Region {
     /// Returns the solver's parameters for this region, with stiffer contacts if it has loads out of
     /// proportion.
     pub(in crate::physics) fn refined(&self, parameters: IntegrationParameters) -> IntegrationParameters {
-        if !self.strained {
+        if !self.findings.strained {
             return parameters;
         }
         let stiffer = |softness: SpringCoefficients<f32>| SpringCoefficients {

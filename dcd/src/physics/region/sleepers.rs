@@ -4,11 +4,25 @@
 use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::Region;
 
 /// The distance, metres, up to which a sleeper may touch a newcomer.
 const BESIDE_M: f32 = 0.05;
+
+/// The bodies that came into a region since its last step, and what copies left behind that were given up or moved.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(super) struct Turnover {
+    /// Bodies inserted asleep since the last step, which has to find their contacts; some may be gone again.
+    pub(super) born_asleep: Vec<RigidBodyHandle>,
+    /// Movable bodies inserted awake since the last step; some may be gone again.
+    pub(super) born_awake: Vec<RigidBodyHandle>,
+    /// The colliders of copies that were given up since the last step, and the bodies whose boxes met theirs;
+    /// some may be gone, too.
+    pub(super) departed: Vec<ColliderHandle>,
+    pub(super) left: Vec<RigidBodyHandle>,
+}
 
 impl Region {
     /// Wakes the bodies that were inserted asleep, and those that sleep beside them, for as long as Rapier finds their contacts: it puts
@@ -20,16 +34,17 @@ impl Region {
     /// Keeps asleep in the same way what sleeps beside copies that were given up or put elsewhere, and lets what is
     /// awake there, and what came awake, go on to fall asleep.
     pub(super) fn wake_newcomers(&mut self) -> Lulled {
-        let (departed, mut left) = (std::mem::take(&mut self.departed), std::mem::take(&mut self.left));
+        let (departed, mut left) =
+            (std::mem::take(&mut self.turnover.departed), std::mem::take(&mut self.turnover.left));
         left.sort_unstable_by_key(|handle| handle.into_raw_parts());
         left.dedup();
         let still = self.still_for(&left);
-        let mut newcomers = std::mem::take(&mut self.born_asleep);
+        let mut newcomers = std::mem::take(&mut self.turnover.born_asleep);
         newcomers.extend(&left);
         newcomers.retain(|&handle| self.world.bodies.get(handle).is_some_and(sleeps_still));
         newcomers.sort_unstable_by_key(|handle| handle.into_raw_parts());
         newcomers.dedup();
-        let mut awake = std::mem::take(&mut self.born_awake);
+        let mut awake = std::mem::take(&mut self.turnover.born_awake);
         awake.retain(|handle| self.world.bodies.contains(*handle));
         let all: Vec<_> = newcomers.iter().chain(&awake).copied().collect();
         if !all.is_empty() {
@@ -63,7 +78,7 @@ impl Region {
     pub(in crate::physics) fn put_copy(&mut self, handle: RigidBodyHandle, pose: Pose) {
         self.leave_at_rest_beside(handle);
         if rests_awake(&self.world.bodies[handle]) {
-            self.left.push(handle);
+            self.turnover.left.push(handle);
         }
         self.world_mut().bodies[handle].set_position(pose, false);
     }
@@ -75,13 +90,13 @@ impl Region {
         let body = &mut self.world.bodies[handle];
         if still_s > 0.0 && body.is_dynamic() && !body.is_sleeping() {
             body.activation_mut().time_since_can_sleep = still_s;
-            self.born_awake.push(handle);
+            self.turnover.born_awake.push(handle);
         }
     }
 
     /// Leaves a body at rest, with what is beside it, when the coupling is about to change it.
     pub(super) fn leave_at_rest(&mut self, handle: RigidBodyHandle) {
-        self.left.push(handle);
+        self.turnover.left.push(handle);
         self.leave_at_rest_beside(handle);
     }
 
@@ -89,14 +104,14 @@ impl Region {
     /// what is awake beside it go on to fall asleep: Rapier would wake the one, and have the other begin anew to be still.
     fn leave_at_rest_beside(&mut self, handle: RigidBodyHandle) {
         // In the memory of the list, since this is done for each copy that is moved.
-        let mut left = std::mem::take(&mut self.left);
+        let mut left = std::mem::take(&mut self.turnover.left);
         self.for_each_contact(handle, |other, touches| {
             let body = &self.world.bodies[other];
             if rests_awake(body) || !touches && body.is_sleeping() {
                 left.push(other);
             }
         });
-        self.left = left;
+        self.turnover.left = left;
     }
 
     /// Has Rapier forget the contacts of colliders that were removed, as it would in the next step. It makes

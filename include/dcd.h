@@ -1955,7 +1955,7 @@ typedef struct DcdRegionInfo {
     // Number of bodies that the region owns. In a served world, of those that are known, by what dcd_body_owner says.
     uint32_t bodies;
     // Number of ghosts that the region holds, copies of bodies that its neighbours own; 0 in a served world.
-    uint32_t replicas;
+    uint32_t ghosts;
     // Number of the node that computes the region, as the server numbers nodes from 1, as last told: the region may have changed
     // hands some milliseconds ago. DCD_NO_NODE in a local world, and while nobody computes it.
     uint32_t node;
@@ -2011,7 +2011,7 @@ typedef struct DcdStats {
     // Number of movable bodies.
     uint64_t bodies;
     // Number of ghosts: copies of bodies in regions that do not own them; 0 in a served world.
-    uint64_t replicas;
+    uint64_t ghosts;
     // Number of times that a body changed owner in a step, ever; 0 in a served world.
     uint64_t transfers;
     // Number of copies set aside because their numbers were not finite; 0 unless something is wrong, and in a served world.
@@ -5051,7 +5051,7 @@ DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);
 DCD_ASSERT_(offsetof(DcdRegionInfo, region) == 0);
 DCD_ASSERT_(offsetof(DcdRegionInfo, bodies) == 4);
-DCD_ASSERT_(offsetof(DcdRegionInfo, replicas) == 8);
+DCD_ASSERT_(offsetof(DcdRegionInfo, ghosts) == 8);
 DCD_ASSERT_(offsetof(DcdRegionInfo, node) == 12);
 DCD_ASSERT_(offsetof(DcdRegionInfo, min) == 16);
 DCD_ASSERT_(offsetof(DcdRegionInfo, max) == 40);
@@ -5073,7 +5073,7 @@ DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
 DCD_ASSERT_(offsetof(DcdStats, bodies) == 16);
-DCD_ASSERT_(offsetof(DcdStats, replicas) == 24);
+DCD_ASSERT_(offsetof(DcdStats, ghosts) == 24);
 DCD_ASSERT_(offsetof(DcdStats, transfers) == 32);
 DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, updates) == 48);

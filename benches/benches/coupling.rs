@@ -80,8 +80,8 @@ fn regions(method: Coupling, shared: usize) -> RegionHost {
         .collect();
     host.insert(records, &[]).expect("every body has one id");
     (0..SETTLING_TICKS).for_each(|_| host.step().expect("all regions are here"));
-    let replicas: usize = host.regions().map(|region| region.replica_count()).sum();
-    assert_eq!(replicas, shared, "copies held by {} beside their owners", method.name());
+    let ghosts: usize = host.regions().map(|region| region.ghost_count()).sum();
+    assert_eq!(ghosts, shared, "copies held by {} beside their owners", method.name());
     host
 }
 

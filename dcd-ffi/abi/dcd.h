@@ -821,7 +821,7 @@ typedef struct DcdQueryId {
 typedef struct DcdRegionInfo {
     uint32_t region;
     uint32_t bodies;
-    uint32_t replicas;
+    uint32_t ghosts;
     uint32_t node;
     double min[3];
     double max[3];
@@ -846,7 +846,7 @@ typedef struct DcdStats {
     uint32_t regions;
     uint64_t ticks;
     uint64_t bodies;
-    uint64_t replicas;
+    uint64_t ghosts;
     uint64_t transfers;
     uint64_t quarantined;
     uint64_t updates;

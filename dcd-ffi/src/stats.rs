@@ -24,7 +24,7 @@ pub struct DcdStats {
     /// Number of movable bodies.
     pub bodies: u64,
     /// Number of ghosts: copies of bodies in regions that do not own them; 0 in a served world.
-    pub replicas: u64,
+    pub ghosts: u64,
     /// Number of times that a body changed owner in a step, ever; 0 in a served world.
     pub transfers: u64,
     /// Number of copies set aside because their numbers were not finite; 0 unless something is wrong, and in a served world.
@@ -73,7 +73,7 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
                 regions: world.dcd.region_count() as u32,
                 ticks: stats.ticks,
                 bodies: stats.bodies as u64,
-                replicas: stats.replicas as u64,
+                ghosts: stats.ghosts as u64,
                 transfers: stats.transfers,
                 quarantined: stats.quarantined as u64,
                 updates: world.dcd.updates(),
@@ -163,7 +163,7 @@ fn describe(world: &Dcd) -> String {
         ("ticks", stats.ticks),
         ("regions", world.region_count() as u64),
         ("bodies", stats.bodies as u64),
-        ("replicas", stats.replicas as u64),
+        ("ghosts", stats.ghosts as u64),
         ("transfers", stats.transfers),
         ("quarantined", stats.quarantined as u64),
         ("exchanges", stats.exchanges as u64),

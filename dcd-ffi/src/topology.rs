@@ -19,7 +19,7 @@ pub struct DcdRegionInfo {
     /// Number of bodies that the region owns. In a served world, of those that are known, by what dcd_body_owner says.
     pub bodies: u32,
     /// Number of ghosts that the region holds, copies of bodies that its neighbours own; 0 in a served world.
-    pub replicas: u32,
+    pub ghosts: u32,
     /// Number of the node that computes the region, as the server numbers nodes from 1, as last told: the region may have changed
     /// hands some milliseconds ago. DCD_NO_NODE in a local world, and while nobody computes it.
     pub node: u32,
@@ -105,7 +105,7 @@ pub unsafe extern "C" fn dcd_regions(
             out.fill(world.dcd.regions().into_iter().map(|region| DcdRegionInfo {
                 region: region.id.0,
                 bodies: region.owned as u32,
-                replicas: region.replicas as u32,
+                ghosts: region.ghosts as u32,
                 node: region.node.map_or(DCD_NO_NODE, |node| node.0),
                 min: region.cell.min,
                 max: region.cell.max,

@@ -202,11 +202,11 @@ fn layouts() -> Vec<Layout> {
         DcdOverlap { body, user_data, collider, reserved, material }
         DcdCheckpointId { v }
         DcdQueryId { v }
-        DcdRegionInfo { region, bodies, replicas, node, min, max }
+        DcdRegionInfo { region, bodies, ghosts, node, min, max }
         DcdOwner { struct_size, region, node, holders, flags }
         DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }
         DcdStats {
-            struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out,
+            struct_size, regions, ticks, bodies, ghosts, transfers, quarantined, updates, bytes_in, bytes_out,
             udp_bytes_in, udp_bytes_out, rtt, last_step, disagreement, exchanges
         }
     }

@@ -10,7 +10,7 @@ use dcd::prelude::*;
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::open("pile", &Params::from_args(["n=4000"])?)?;
     let cores = std::thread::available_parallelism()?.get();
-    println!("{:>8} {:>8} {:>10} {:>9}  state", "regions", "threads", "ms a step", "replicas");
+    println!("{:>8} {:>8} {:>10} {:>9}  state", "regions", "threads", "ms a step", "ghosts");
     for regions in [1, 2, 4, 8] {
         for threads in [1, cores] {
             let config = WorldConfig {
@@ -25,8 +25,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
             let ms = start.elapsed().as_secs_f64() * 1e3 / 120.0;
             // The state does not depend on the number of threads.
-            let (replicas, state) = (world.stats().replicas, world.state_hash()?);
-            println!("{regions:>8} {threads:>8} {ms:>10.2} {replicas:>9}  {state:016x}");
+            let (ghosts, state) = (world.stats().ghosts, world.state_hash()?);
+            println!("{regions:>8} {threads:>8} {ms:>10.2} {ghosts:>9}  {state:016x}");
         }
     }
     Ok(())

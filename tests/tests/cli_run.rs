@@ -52,7 +52,7 @@ fn the_json_object_has_the_keys_of_the_contract() {
     let report = json(&["run", "tower", "--seconds", "2", "--cut", "x=0"]);
     assert_eq!(
         keys(&report),
-        set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s imbalance ticks dt_s wall_s rtf step_ms contacts replicas_mean transfers
+        set("scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s imbalance ticks dt_s wall_s rtf step_ms contacts ghosts_mean transfers
              energy_j momentum_kgms max_penetration_m ground_force_ratio lost doubled quarantined state_hash chosen")
     );
     assert_eq!(keys(&report["step_ms"]), set("mean p50 p99 max"));
@@ -372,7 +372,7 @@ fn whoever_looks_on_at_a_terminal_sees_the_regions_and_pipes_and_json_do_not() {
         text(&output.stdout)
     };
     let seen = on_terminal("");
-    for part in ["400 bodies (", "3 regions, ", "replicas", "transfers", "ms a step", "r2 ", "all "] {
+    for part in ["400 bodies (", "3 regions, ", "ghosts", "transfers", "ms a step", "r2 ", "all "] {
         assert!(seen.contains(part), "`{part}` is missing in {seen}");
     }
     for quiet in ["--quiet", "--json"] {

@@ -234,7 +234,7 @@ fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them
     let (ticks, mut copies) = (90, 0);
     for _ in 0..ticks {
         world.step().unwrap();
-        copies += world.stats().replicas;
+        copies += world.stats().ghosts;
     }
     let moves = world.stats().transfers;
     assert!(moves > 400, "a third of it must have moved: {moves}");

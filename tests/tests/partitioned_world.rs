@@ -51,19 +51,19 @@ fn a_body_leaving_a_region_is_owned_by_exactly_one_other() {
         let mut world = LocalWorld::new(coupled(weightless(two_regions()), coupling)).unwrap();
         let ball = insert_ball(&mut world, -3.0, 0.0, 2.0);
         let first = world.owner_of(ball).unwrap();
-        let mut replicated_before_transfer = false;
+        let mut held_before_transfer = false;
         for _ in 0..240 {
             steps(&mut world, 1);
             if world.owner_of(ball) == Some(first) {
-                replicated_before_transfer = world.stats().replicas == 1;
+                held_before_transfer = world.stats().ghosts == 1;
             }
         }
         assert_ne!(world.owner_of(ball), Some(first), "{coupling:?}");
         // Where regions agree on means, a body that touches nothing has no contacts to lose, and is
         // transferred at once.
         let announced = matches!(coupling, Coupling::Proxy | Coupling::Owner);
-        assert_eq!(replicated_before_transfer, announced, "{coupling:?}");
-        assert_eq!((world.stats().transfers, world.stats().replicas), (1, 0), "{coupling:?}");
+        assert_eq!(held_before_transfer, announced, "{coupling:?}");
+        assert_eq!((world.stats().transfers, world.stats().ghosts), (1, 0), "{coupling:?}");
         assert!((world.pose(ball).unwrap().translation[0] - 5.0).abs() < 1e-3, "{coupling:?}");
     }
 }
@@ -126,7 +126,7 @@ fn a_transferred_body_keeps_everything() {
 
 #[test]
 fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
-    for (coupling, x, replicas) in [
+    for (coupling, x, ghosts) in [
         (Coupling::Owner, 0.6, 2),
         (Coupling::Overlap, 0.5, 2),
         (Coupling::Island, 0.5, 0),
@@ -140,12 +140,12 @@ fn a_sleeping_body_stays_asleep_when_its_neighbour_is_cut_off_by_a_border() {
         for ball in [left, right] {
             assert!(world.body(ball).unwrap().is_sleeping(), "{coupling:?}");
         }
-        assert_eq!(world.stats().replicas, replicas, "{coupling:?}");
-        let replicas_asleep = world
+        assert_eq!(world.stats().ghosts, ghosts, "{coupling:?}");
+        let ghosts_asleep = world
             .regions()
             .flat_map(|region| region.bodies())
             .all(|(_, _, _, body)| body.is_fixed() || body.is_sleeping());
-        assert!(replicas_asleep, "{coupling:?}: replicas must sleep with their owners");
+        assert!(ghosts_asleep, "{coupling:?}: ghosts must sleep with their owners");
     }
 }
 
@@ -451,7 +451,7 @@ fn a_body_that_regions_share_has_its_whole_mass_for_the_user() {
         world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(3.0)).unwrap()
     });
     steps(&mut world, 30);
-    assert_eq!(world.stats().replicas, 2, "the test needs bodies that are shared");
+    assert_eq!(world.stats().ghosts, 2, "the test needs bodies that are shared");
     assert!(boxes.iter().all(|&id| (world.mass_kg(id).unwrap() - 3.0).abs() < 1e-5));
     assert!(boxes.iter().all(|&id| (world.body(id).unwrap().mass() - 1.5).abs() < 1e-5));
     assert_eq!(world.mass_kg(floor), Some(0.0));

@@ -72,7 +72,7 @@ fn allocations(coupling: Coupling, n: usize, regions: usize) -> (u64, u64, usize
     let ours = allocations_per_step(|| world.step().unwrap());
     let mut bare = scene.bare_world();
     bare.clear_thread_pool();
-    (ours, allocations_per_step(|| bare.step()), world.stats().replicas)
+    (ours, allocations_per_step(|| bare.step()), world.stats().ghosts)
 }
 
 #[test]
@@ -89,13 +89,13 @@ fn compare() {
         // written.
         let fixed = 8 + 8 * regions as u64;
         for n in [500, 2_000] {
-            let (owner, bare, replicas) = allocations(Coupling::Owner, n, regions);
-            assert!(regions == 1 || replicas > 50, "the border must have traffic");
+            let (owner, bare, ghosts) = allocations(Coupling::Owner, n, regions);
+            assert!(regions == 1 || ghosts > 50, "the border must have traffic");
             let most = regions as u64 * bare.max(1) + fixed;
             assert!(owner <= most, "{n} bodies in {regions} regions: {owner} allocations by owner");
             // Towers have ten boxes. Those of which `owner` holds ghosts are islands near a border, each with
             // a few lists.
-            let islands = replicas as u64 / 10;
+            let islands = ghosts as u64 / 10;
             let (auto, ..) = allocations(Coupling::Auto, n, regions);
             let most = most + fixed + 5 * islands;
             assert!(auto <= most, "{n} bodies in {regions} regions: {auto} allocations by auto");
@@ -145,7 +145,7 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
                     (0..30).for_each(|_| world.step().unwrap());
                     world
                 });
-                let copies = world.stats().replicas;
+                let copies = world.stats().ghosts;
                 println!(
                     "{arrangement}, {regions} regions: {} bytes per body, {copies} copies; bare {}",
                     ours / n,

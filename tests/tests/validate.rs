@@ -13,7 +13,7 @@ fn validated(scene: &str, parameters: &[&str], regions: usize, coupling: Couplin
     for tick in 0..ticks {
         assert_eq!(world.validate().unwrap(), [], "{coupling:?} in {regions} regions after tick {tick}");
         world.step().unwrap();
-        shared += world.stats().replicas;
+        shared += world.stats().ghosts;
     }
     assert!(shared > 0, "nothing is at a border");
 }

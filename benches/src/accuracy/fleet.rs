@@ -92,8 +92,8 @@ impl Fleet {
     }
 
     /// Returns the number of copies of bodies that are held by regions that do not own them.
-    pub(crate) fn replicas(&self) -> usize {
-        self.hosts.iter().flat_map(RegionHost::regions).map(|region| region.replica_count()).sum()
+    pub(crate) fn ghosts(&self) -> usize {
+        self.hosts.iter().flat_map(RegionHost::regions).map(|region| region.ghost_count()).sum()
     }
 
     /// Returns the number of changes of owner so far.

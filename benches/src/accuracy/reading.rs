@@ -69,7 +69,7 @@ pub(crate) struct Reading {
     /// Changes of owner.
     pub transfers: u64,
     /// Copies of bodies held by regions that do not own them, mean of all steps.
-    pub replicas_mean: f64,
+    pub ghosts_mean: f64,
     /// The wall time of a step, over all runs together.
     pub step_ms: StepTimes,
     /// Simulated seconds per second of wall time.
@@ -234,7 +234,7 @@ impl Reading {
             quarantined: most(|trace| trace.quarantined),
             pairs: most(|trace| trace.pairs),
             transfers: traces.iter().map(|trace| trace.transfers).max().unwrap_or(0),
-            replicas_mean: traces.iter().map(|trace| trace.replicas_mean).sum::<f64>() / traces.len() as f64,
+            ghosts_mean: traces.iter().map(|trace| trace.ghosts_mean).sum::<f64>() / traces.len() as f64,
             step_ms: StepTimes::of(&steps),
             rtf: simulated_s / wall_s,
         }
@@ -282,7 +282,7 @@ impl Reading {
             quarantined: 0,
             pairs: 0,
             transfers: 0,
-            replicas_mean: 0.0,
+            ghosts_mean: 0.0,
             step_ms: StepTimes::default(),
             rtf: 1.0,
         }

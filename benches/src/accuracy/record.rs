@@ -25,7 +25,7 @@ pub(crate) struct Record {
     pub(super) doubled: usize,
     pub(super) quarantined: usize,
     pub(super) transfers: u64,
-    pub(super) replicas_mean: f64,
+    pub(super) ghosts_mean: f64,
     /// Simulated seconds per second of wall time; below, milliseconds per step.
     pub(super) rtf: f64,
     pub(super) p50_ms: Option<f64>,

@@ -165,7 +165,7 @@ impl Row {
                 doubled: reading.doubled,
                 quarantined: reading.quarantined,
                 transfers: reading.transfers,
-                replicas_mean: reading.replicas_mean,
+                ghosts_mean: reading.ghosts_mean,
                 rtf: reading.rtf,
                 p50_ms: reading.step_ms.p50,
                 p99_ms: reading.step_ms.p99,

@@ -28,7 +28,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
     let momentum = world.momentum_kgms();
     let mut run = Trace { substep_s: dt / iterations as f64, ..Trace::default() };
     run.looks.push(look(scene, &world, 0.0));
-    let (mut replicas, mut quarantined, mut looks) = (0, BTreeSet::new(), 0);
+    let (mut ghosts, mut quarantined, mut looks) = (0, BTreeSet::new(), 0);
     for tick in 1..=ticks {
         if let Some(drive) = &case.drive {
             drive(&mut world, (tick - 1) as f64 * dt);
@@ -36,7 +36,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
         let start = Instant::now();
         world.step()?;
         run.steps.push(start.elapsed());
-        replicas += world.replicas();
+        ghosts += world.ghosts();
         quarantined.extend(world.quarantined());
         let t_s = tick as f64 * dt;
         if case.rests && (ticks - tick) as f64 * dt < 1.0 - 0.5 * dt {
@@ -59,7 +59,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
     run.pairs = world.contacts().pairs;
     run.regions = world.views().len();
     run.quarantined = quarantined.len();
-    run.replicas_mean = replicas as f64 / ticks as f64;
+    run.ghosts_mean = ghosts as f64 / ticks as f64;
     run.transfers = world.transfers();
     Ok(run)
 }
@@ -164,7 +164,7 @@ mod tests {
         let trace = falling_tower(true);
         assert!(trace.looks.iter().all(|look| look.moving().eq(1..=10)));
         assert_eq!((trace.lost, trace.doubled, trace.quarantined), (0, 0, 0));
-        assert!(trace.replicas_mean > 9.0);
+        assert!(trace.ghosts_mean > 9.0);
     }
 
     #[test]

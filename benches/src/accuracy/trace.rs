@@ -33,7 +33,7 @@ pub(crate) struct Trace {
     /// Wall time of each step.
     pub steps: Vec<Duration>,
     /// Copies of bodies held by regions that do not own them, mean of all steps.
-    pub replicas_mean: f64,
+    pub ghosts_mean: f64,
 }
 
 /// All bodies at one moment.

@@ -69,11 +69,11 @@ impl World {
     }
 
     /// Returns the number of copies of bodies that are held by regions that do not own them.
-    pub(crate) fn replicas(&self) -> usize {
+    pub(crate) fn ghosts(&self) -> usize {
         match self {
             Self::Bare(_) => 0,
-            Self::Cut(world) => world.stats().replicas,
-            Self::Apart(fleet) => fleet.replicas(),
+            Self::Cut(world) => world.stats().ghosts,
+            Self::Apart(fleet) => fleet.ghosts(),
         }
     }
 

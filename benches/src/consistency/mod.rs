@@ -48,8 +48,8 @@ pub(crate) struct Row {
     bodies_max_m: f64,
     avatars_mean_m: f64,
     avatars_max_m: f64,
-    replicas_mean_m: f64,
-    replicas_max_m: f64,
+    ghosts_mean_m: f64,
+    ghosts_max_m: f64,
     /// The number of persistent bodies for which a group other than the main one is authoritative.
     claimed: usize,
     /// The time between the first and the last group's completion of the same tick, milliseconds.
@@ -73,9 +73,9 @@ pub(crate) struct Summary {
     avatars_mean_m: f64,
     avatars_p99_m: f64,
     avatars_max_m: f64,
-    replicas_mean_m: f64,
-    replicas_p99_m: f64,
-    replicas_max_m: f64,
+    ghosts_mean_m: f64,
+    ghosts_p99_m: f64,
+    ghosts_max_m: f64,
     between_bytes_s: u64,
     inside_bytes_s: u64,
 }
@@ -140,7 +140,7 @@ fn row(
 ) -> Row {
     let spread = |apart: &[Apart]| Spread::of(apart.iter().map(|apart| apart.by_m));
     let (bodies, avatars) = (spread(&deviating.bodies), spread(&deviating.avatars));
-    let replicas = Spread::of(deviating.replicas.iter().copied());
+    let ghosts = Spread::of(deviating.ghosts.iter().copied());
     let bytes_s = |scope| bytes(sent, scope) - bytes(before, scope);
     Row {
         setting: setting.name.to_owned(),
@@ -150,8 +150,8 @@ fn row(
         bodies_max_m: bodies.max_m,
         avatars_mean_m: avatars.mean_m,
         avatars_max_m: avatars.max_m,
-        replicas_mean_m: replicas.mean_m,
-        replicas_max_m: replicas.max_m,
+        ghosts_mean_m: ghosts.mean_m,
+        ghosts_max_m: ghosts.max_m,
         claimed: deviating.claimed,
         apart_ms: deviating.apart.as_secs_f64() * 1e3,
         between_bytes_s: bytes_s(Scope::BetweenGroups),
@@ -166,7 +166,7 @@ fn summary(setting: &Setting, seconds: u64, rows: &[Row], all: &[Deviating]) -> 
         |of: fn(&Deviating) -> &Vec<Apart>| Spread::of(all.iter().flat_map(of).map(|apart| apart.by_m));
     let bodies = spread(|deviating| &deviating.bodies);
     let avatars = spread(|deviating| &deviating.avatars);
-    let replicas = Spread::of(all.iter().flat_map(|deviating| &deviating.replicas).copied());
+    let ghosts = Spread::of(all.iter().flat_map(|deviating| &deviating.ghosts).copied());
     let mean = |of: fn(&Row) -> u64| rows.iter().map(of).sum::<u64>() / rows.len() as u64;
     Summary {
         setting: setting.name.to_owned(),
@@ -182,9 +182,9 @@ fn summary(setting: &Setting, seconds: u64, rows: &[Row], all: &[Deviating]) -> 
         avatars_mean_m: avatars.mean_m,
         avatars_p99_m: avatars.p99_m,
         avatars_max_m: avatars.max_m,
-        replicas_mean_m: replicas.mean_m,
-        replicas_p99_m: replicas.p99_m,
-        replicas_max_m: replicas.max_m,
+        ghosts_mean_m: ghosts.mean_m,
+        ghosts_p99_m: ghosts.p99_m,
+        ghosts_max_m: ghosts.max_m,
         between_bytes_s: mean(|row| row.between_bytes_s),
         inside_bytes_s: mean(|row| row.inside_bytes_s),
     }

@@ -16,7 +16,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         panel(rows, "Bodies between groups, 99th percentile", "m", limit, |row| row.bodies_p99_m),
         panel(rows, "Bodies between groups, largest", "m", limit, |row| row.bodies_max_m),
         panel(rows, "Avatars between groups, largest", "m", None, |row| row.avatars_max_m),
-        panel(rows, "Replicas from owners in a group, largest", "m", None, |row| row.replicas_max_m),
+        panel(rows, "Ghosts from owners in a group, largest", "m", None, |row| row.ghosts_max_m),
         panel(rows, "Bytes between groups", "bytes/s", None, |row| row.between_bytes_s as f64),
         panel(rows, "Bytes inside groups", "bytes/s", None, |row| row.inside_bytes_s as f64),
     ];
@@ -63,7 +63,7 @@ pub(super) fn table(summaries: &[Measured<Summary>]) -> String {
             row.seconds.to_string(),
             three([row.bodies_mean_m, row.bodies_p99_m, row.bodies_max_m]),
             three([row.avatars_mean_m, row.avatars_p99_m, row.avatars_max_m]),
-            three([row.replicas_mean_m, row.replicas_p99_m, row.replicas_max_m]),
+            three([row.ghosts_mean_m, row.ghosts_p99_m, row.ghosts_max_m]),
             short(row.between_bytes_s as f64),
             short(row.inside_bytes_s as f64),
         ]
@@ -73,7 +73,7 @@ pub(super) fn table(summaries: &[Measured<Summary>]) -> String {
         "simulated s",
         "bodies between groups, m: mean, p99, max",
         "avatars between groups, m",
-        "replicas from owners, m",
+        "ghosts from owners, m",
         "bytes/s between groups",
         "bytes/s inside groups",
     ];

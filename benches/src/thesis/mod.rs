@@ -68,7 +68,7 @@ pub(crate) struct Row {
     messages: f64,
     bytes: f64,
     /// Copies of others' bodies at a member.
-    replicas: f64,
+    ghosts: f64,
     /// Exchanges in a tick: those of the border that takes most.
     exchanges: f64,
     /// The largest disagreement of copies at borders, m/s.
@@ -153,7 +153,7 @@ fn row(objects: usize, nodes: usize, groups: &[Group], collisions: f64) -> Row {
         wall_ms: members(|member| member.wall_ms),
         messages: members(|member| member.messages),
         bytes: members(|member| member.bytes),
-        replicas: members(|member| member.replicas),
+        ghosts: members(|member| member.ghosts),
         exchanges: members(|member| member.exchanges),
         disagreement_m_s: all.map(|member| member.disagreement_m_s).fold(0.0, f32::max),
         collisions,

@@ -41,7 +41,7 @@ pub(super) struct Report {
     pub(super) messages: f64,
     pub(super) bytes: f64,
     /// Copies of other regions' bodies, and exchanges, means per tick.
-    pub(super) replicas: f64,
+    pub(super) ghosts: f64,
     pub(super) exchanges: f64,
     /// The largest disagreement of copies, m/s.
     pub(super) disagreement_m_s: f32,
@@ -108,7 +108,7 @@ impl ThesisParticipant {
             wall_ms: per_tick((last.at - first.at).as_secs_f64() * 1e3),
             messages: per_tick((last.messages - first.messages) as f64),
             bytes: per_tick((last.bytes - first.bytes) as f64),
-            replicas: summary.replicas_sum as f64 / summary.tick.0.max(1) as f64,
+            ghosts: summary.ghosts_sum as f64 / summary.tick.0.max(1) as f64,
             exchanges: summary.exchanges_sum as f64 / summary.tick.0.max(1) as f64,
             disagreement_m_s: summary.disagreement_max_m_s,
         };

@@ -158,7 +158,7 @@ mod tests {
             wall_ms: 1.0,
             messages: 8.0,
             bytes: 900.0,
-            replicas: 10.0,
+            ghosts: 10.0,
             exchanges: 1.0,
             disagreement_m_s: 0.01,
             collisions: 15.0,

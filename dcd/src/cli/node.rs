@@ -31,7 +31,7 @@ const LOOK: Duration = Duration::from_millis(50);
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean\n\
+    after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers ghosts_mean\n\
         exchanges_mean disagreement_max_m_s speculative\n\
                        bytes bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on;\n\
                        speculative counts ticks that were computed for clients alone while other nodes were waited for. Exits with 3, and is\n\

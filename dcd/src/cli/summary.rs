@@ -90,7 +90,7 @@ pub(super) struct Computed {
     pub regions: usize,
     pub tick_ms: StepTimes,
     pub transfers: u64,
-    pub replicas_mean: f64,
+    pub ghosts_mean: f64,
     pub exchanges_mean: f64,
     pub disagreement_max_m_s: f32,
     pub speculative: u64,
@@ -110,7 +110,7 @@ impl From<&NodeSummary> for Computed {
             regions: summary.regions,
             tick_ms: StepTimes::of(&times.collect::<Vec<_>>()),
             transfers: summary.transfers,
-            replicas_mean: summary.replicas_sum as f64 / ticks,
+            ghosts_mean: summary.ghosts_sum as f64 / ticks,
             exchanges_mean: summary.exchanges_sum as f64 / ticks,
             disagreement_max_m_s: summary.disagreement_max_m_s,
             speculative: summary.speculative,
@@ -140,7 +140,7 @@ impl Summary for Computed {
                 ),
             ),
             ("transfers", format!("{} bodies came from other regions", self.transfers)),
-            ("replicas", format!("{:.1} mean", self.replicas_mean)),
+            ("ghosts", format!("{:.1} mean", self.ghosts_mean)),
             (
                 "exchanges",
                 format!(

@@ -176,7 +176,7 @@ pub struct TickStats {
     /// The number of bodies owned.
     pub bodies: u32,
     /// The number of ghosts held.
-    pub replicas: u32,
+    pub ghosts: u32,
     /// The number of contact pairs.
     pub contacts: u32,
     /// The number of bodies that came to a region of this device from another region.

@@ -56,7 +56,7 @@ impl Source for RegionHost {
             RegionSeen {
                 id: id.0,
                 node: None,
-                ghosts: region.map_or(0, |region| region.replica_count()),
+                ghosts: region.map_or(0, |region| region.ghost_count()),
                 step_ms: region.map_or(0.0, |region| region.last_step().as_secs_f32() * 1e3),
                 cell: region.map_or_else(|| tree.cell(id), |region| *region.cell()),
             }
@@ -143,7 +143,7 @@ pub(super) fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
     }
     let mut known = BTreeSet::new();
     let guest = |(id, region, handle): (BodyId, &Region, RigidBodyHandle)| match region.role_of(handle)?.1 {
-        Ownership::Replica { owner } if host.owned(id).is_none() && known.insert(id) => {
+        Ownership::Ghost { owner } if host.owned(id).is_none() && known.insert(id) => {
             Some((id, seen(region, handle, owner)))
         }
         _ => None,

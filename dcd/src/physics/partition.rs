@@ -1,4 +1,4 @@
-//! Finds the regions at a point or in a box by their cells, and holds the width of the halo in which regions keep replicas.
+//! Finds the regions at a point or in a box by their cells, and holds the width of the halo in which regions keep ghosts.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ pub(super) const HUB_REACH_M: f32 = 4.0;
 /// The margin of the halo beyond the reach of any body but a hub, metres.
 const HALO_SLACK_M: f64 = 0.1;
 
-/// The margin beyond the halo that a replica must leave before it is dropped, metres, so that none flaps.
+/// The margin beyond the halo that a ghost must leave before it is dropped, metres, so that none flaps.
 pub(super) const HALO_HYSTERESIS_M: f64 = 0.25;
 
 /// The distance by which a centre must have left its region before the owner changes, metres, so that none flaps.
@@ -127,7 +127,7 @@ impl Partition {
         false
     }
 
-    /// Returns how far beyond its cell a region holds replicas, in metres.
+    /// Returns how far beyond its cell a region holds ghosts, in metres.
     pub fn halo_m(&self) -> f64 {
         self.halo_m
     }

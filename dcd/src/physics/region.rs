@@ -89,7 +89,7 @@ pub struct Region {
     /// Bodies owned here and held by other regions too, in id order.
     shared: Vec<BodyRef>,
     /// Bodies owned elsewhere, in id order.
-    replicas: Vec<BodyRef>,
+    ghosts: Vec<BodyRef>,
     assemblies: Assemblies,
     joints: BTreeMap<JointId, HeldJoint>,
     /// Joints of bodies held here to bodies that are not, in id order.
@@ -185,7 +185,7 @@ impl Region {
             by_id: HashMap::default(),
             owned_at: 0,
             shared: Vec::new(),
-            replicas: Vec::new(),
+            ghosts: Vec::new(),
             assemblies: Assemblies::default(),
             joints: BTreeMap::new(),
             waiting: BTreeMap::new(),
@@ -247,7 +247,7 @@ impl Region {
         self.anchor
     }
 
-    /// Returns its Rapier world: positions are relative to the anchor, replicas are among the bodies.
+    /// Returns its Rapier world: positions are relative to the anchor, ghosts are among the bodies.
     #[inline]
     pub fn physics(&self) -> &PhysicsWorld {
         &self.world
@@ -307,8 +307,8 @@ impl Region {
     }
 
     /// Returns how many bodies it holds that other regions own.
-    pub fn replica_count(&self) -> usize {
-        self.replicas.len()
+    pub fn ghost_count(&self) -> usize {
+        self.ghosts.len()
     }
 
     /// Returns the bodies whose copies here Rapier quarantined in the last tick, because their numbers were
@@ -323,30 +323,30 @@ impl Region {
     }
 
     /// Returns the bodies owned elsewhere that are held here, in id order.
-    pub(super) fn replicas(&self) -> &[BodyRef] {
-        &self.replicas
+    pub(super) fn ghosts(&self) -> &[BodyRef] {
+        &self.ghosts
     }
 
     /// Returns all bodies held here and elsewhere.
     pub(super) fn held_elsewhere(&self) -> impl Iterator<Item = BodyRef> {
-        self.shared.iter().chain(&self.replicas).copied()
+        self.shared.iter().chain(&self.ghosts).copied()
     }
 
     /// Returns how many bodies are held here and elsewhere: for callers that change them one by one, by place.
     pub(super) fn held_elsewhere_count(&self) -> usize {
-        self.shared.len() + self.replicas.len()
+        self.shared.len() + self.ghosts.len()
     }
 
     /// Returns the body at a place below [`Region::held_elsewhere_count`].
     pub(super) fn held_elsewhere_at(&self, place: usize) -> BodyRef {
         let owned = self.shared.len();
-        if place < owned { self.shared[place] } else { self.replicas[place - owned] }
+        if place < owned { self.shared[place] } else { self.ghosts[place - owned] }
     }
 
     /// Returns the next body held here and elsewhere, in id order, and counts it. `before` are the numbers of
     /// those counted already: owned here, and owned by others.
     pub(super) fn next_held_elsewhere(&self, before: &mut (usize, usize)) -> Option<BodyRef> {
-        let next = (self.shared.get(before.0), self.replicas.get(before.1));
+        let next = (self.shared.get(before.0), self.ghosts.get(before.1));
         let is_own = match next {
             (Some(own), Some(other)) => own.id < other.id,
             (own, _) => own.is_some(),

@@ -212,7 +212,7 @@ pub struct BorderMessage {
     /// Bodies that moved or changed sleep.
     pub states: Vec<SharedState>,
     /// Bodies, whole, of which the receiver is to hold a ghost from now on.
-    pub replicas: Vec<BodyRecord>,
+    pub ghosts: Vec<BodyRecord>,
     /// How some of these bodies lay when their contacts were found.
     pub contact_poses: Vec<ContactPose>,
     /// Joints that are new to the receiver.
@@ -252,7 +252,7 @@ impl BorderMessage {
     /// Returns whether the message has no content but [`BorderMessage::nearby`].
     pub fn says_only_nearby(&self) -> bool {
         self.states.is_empty()
-            && self.replicas.is_empty()
+            && self.ghosts.is_empty()
             && self.joints.is_empty()
             && self.drops.is_empty()
             && self.transfers.is_empty()
@@ -283,9 +283,9 @@ impl BorderMessage {
     /// Returns the epochs of all bodies in the message.
     pub(crate) fn epochs(&self) -> impl Iterator<Item = Epoch> {
         let states = self.states.iter().map(|state| state.epoch);
-        let replicas = self.replicas.iter().map(|body| body.epoch);
+        let ghosts = self.ghosts.iter().map(|body| body.epoch);
         let transfers = self.transfers.iter().map(|transfer| transfer.body.epoch);
-        states.chain(replicas).chain(transfers).chain(self.members.iter().map(|member| member.epoch))
+        states.chain(ghosts).chain(transfers).chain(self.members.iter().map(|member| member.epoch))
     }
 
     /// Extrapolates all bodies in the message by `seconds` at their velocities (dead reckoning, thesis
@@ -304,7 +304,7 @@ impl BorderMessage {
             }
         }
         let bodies =
-            self.replicas.iter_mut().chain(self.transfers.iter_mut().map(|transfer| &mut transfer.body));
+            self.ghosts.iter_mut().chain(self.transfers.iter_mut().map(|transfer| &mut transfer.body));
         for BodyRecord { id, state, .. } in bodies {
             if !state.sleeping {
                 change(*id, &mut state.pose, &mut state.velocity);
@@ -316,7 +316,7 @@ impl BorderMessage {
     /// over.
     pub fn forget(&mut self, gone: BodyId) -> Option<BodyRecord> {
         self.states.retain(|state| state.id != gone);
-        self.replicas.retain(|body| body.id != gone);
+        self.ghosts.retain(|body| body.id != gone);
         self.contact_poses.retain(|lay| lay.id != gone);
         self.joints.retain(|joint| joint.a != gone && joint.b != gone);
         self.wakes.retain(|&id| id != gone);
@@ -341,7 +341,7 @@ impl BorderMessage {
             None => traits.character.is_some(),
         };
         let obeys = |body: &&mut BodyRecord| body.id == input.body && is_driven(&body.traits);
-        self.replicas.iter_mut().filter(obeys).for_each(|body| body.obey(input));
+        self.ghosts.iter_mut().filter(obeys).for_each(|body| body.obey(input));
     }
 
     /// Applies an alteration to its body or joint, if that is handed over or copied in this message.
@@ -349,7 +349,7 @@ impl BorderMessage {
         match alteration {
             Alteration::Body { body: id, traits, user_data, wakes } => {
                 let handed_over = self.transfers.iter_mut().map(|transfer| &mut transfer.body);
-                for body in handed_over.chain(&mut self.replicas).filter(|body| body.id == *id) {
+                for body in handed_over.chain(&mut self.ghosts).filter(|body| body.id == *id) {
                     body.set_traits(traits.clone(), *user_data);
                     body.state.sleeping &= !wakes;
                 }
@@ -374,7 +374,7 @@ impl BorderMessage {
     /// Removes the content and keeps the allocated memory.
     pub fn clear(&mut self) {
         self.states.clear();
-        self.replicas.clear();
+        self.ghosts.clear();
         self.contact_poses.clear();
         self.joints.clear();
         self.drops.clear();

@@ -420,7 +420,7 @@ impl Check for BorderMessage {
         must(self.steps <= 64, "border.steps", "at most 64")?;
         ascending(&self.states, |state| state.id, "border.states")?;
         all(&self.states)?;
-        self.replicas.iter().try_for_each(Check::check)?;
+        self.ghosts.iter().try_for_each(Check::check)?;
         ascending(&self.contact_poses, |lay| lay.id, "border.contact_poses")?;
         self.contact_poses.iter().try_for_each(|lay| lay.pose.check())?;
         all(&self.joints)?;

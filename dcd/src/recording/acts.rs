@@ -91,7 +91,7 @@ fn of_message(message: &BorderMessage, id: BodyId) -> Vec<String> {
     };
     say(message.states.iter().any(|state| state.id == id), "its owner's state");
     say(message.copies.iter().any(|copy| copy.id == id), "a copy's state");
-    say(message.replicas.iter().any(|body| body.id == id), "a new ghost");
+    say(message.ghosts.iter().any(|body| body.id == id), "a new ghost");
     say(message.transfers.iter().any(|transfer| transfer.body.id == id), "a transfer");
     say(message.drops.contains(&id), "a ghost that goes");
     say(message.wakes.contains(&id), "a wake");

@@ -294,7 +294,7 @@ impl PhysicsDevice {
     /// Accepts border messages. States of earlier ticks are carried forward to this one.
     fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
         for message in &incoming {
-            let bodies = message.replicas.iter().map(|body| body.id);
+            let bodies = message.ghosts.iter().map(|body| body.id);
             let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
             // Their former owner reports them no more, and they may fall asleep before the next sample here.
             self.report.awake.extend(transfers.clone());
@@ -419,7 +419,7 @@ impl PhysicsDevice {
         let transfers = host.transfers();
         let stats = TickStats {
             bodies: host.owned_count() as u32,
-            replicas: host.regions().map(|region| region.replica_count() as u32).sum(),
+            ghosts: host.regions().map(|region| region.ghost_count() as u32).sum(),
             contacts: host.regions().map(|region| contact_pairs(region.physics())).sum(),
             transfers: (transfers - self.transfers_told) as u32,
             compute_us: self.compute_us,

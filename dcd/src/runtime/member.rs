@@ -108,7 +108,7 @@ pub struct NodeSummary {
     /// The number of bodies that came from other regions.
     pub transfers: u64,
     /// The number of ghosts held (copies of other regions' bodies), summed over all ticks.
-    pub replicas_sum: u64,
+    pub ghosts_sum: u64,
     /// The number of exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
     /// The number of speculative ticks: computed only for clients, while other nodes were waited for.

@@ -11,7 +11,7 @@ pub struct Stats {
     /// The number of movable bodies.
     pub bodies: usize,
     /// The number of ghosts: copies of bodies in regions that do not own them.
-    pub replicas: usize,
+    pub ghosts: usize,
     /// The number of changes of owner since the beginning.
     pub transfers: u64,
     /// The wall time of the last step: in a local world that of the tick, in a client of taking in what

@@ -23,7 +23,7 @@ struct Snapshot {
     rounds: BTreeSet<u32>,
     wanted: u32,
     owned: Vec<(BodyId, Epoch)>,
-    replicas: Vec<(BodyId, Epoch)>,
+    ghosts: Vec<(BodyId, Epoch)>,
 }
 
 /// The state of a group as far as it has been checked.
@@ -187,9 +187,9 @@ impl Checker {
         physics: &dyn Engine,
     ) -> Result<(), Violation> {
         let claims: Vec<_> = physics.claims().iter().map(|claim| (claim.id, claim.epoch)).collect();
-        let replicas: Vec<_> = physics.replicas().into_iter().map(|(id, epoch, _)| (id, epoch)).collect();
+        let ghosts: Vec<_> = physics.ghosts().into_iter().map(|(id, epoch, _)| (id, epoch)).collect();
         let Some(&group) = self.views.get(&view.number) else { return Ok(()) };
-        self.check_node(node, group, tick, claims.iter().chain(&replicas).copied())?;
+        self.check_node(node, group, tick, claims.iter().chain(&ghosts).copied())?;
         let checked = self.groups.entry(group).or_default();
         if view.number < checked.view {
             let beats =
@@ -210,7 +210,7 @@ impl Checker {
         snapshot.rounds.insert(physics.rounds());
         snapshot.wanted = snapshot.wanted.max(physics.rounds_wanted());
         snapshot.owned.extend(claims);
-        snapshot.replicas.extend(replicas);
+        snapshot.ghosts.extend(ghosts);
         if snapshot.nodes.len() < view.members.len() {
             return Ok(());
         }
@@ -285,7 +285,7 @@ impl Checker {
         if let Some(&body) = self.expected.iter().find(|id| !owned.contains_key(id)) {
             return Err(Violation::Lost { body, tick });
         }
-        for (body, epoch) in snapshot.replicas {
+        for (body, epoch) in snapshot.ghosts {
             match owned.get(&body) {
                 None => return Err(Violation::Lost { body, tick }),
                 Some(&owner) if owner < epoch => return Err(Violation::Outdated { body, tick }),

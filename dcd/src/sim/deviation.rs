@@ -31,7 +31,7 @@ pub struct Deviating {
     /// Deviations of avatars, likewise.
     pub avatars: Vec<Apart>,
     /// Distances of ghosts from their owners, in every group, metres.
-    pub replicas: Vec<f64>,
+    pub ghosts: Vec<f64>,
     /// The number of persistent bodies for which another group than the main one is authoritative.
     pub claimed: usize,
     /// The time between the first group's and the last group's completion of the tick.
@@ -45,7 +45,7 @@ struct Group {
     missing: usize,
     time: Duration,
     owned: BTreeMap<BodyId, WorldPose>,
-    replicas: Vec<(BodyId, WorldPose)>,
+    ghosts: Vec<(BodyId, WorldPose)>,
 }
 
 /// A collector that combines the samples of nodes of all groups after the same tick.
@@ -64,7 +64,7 @@ impl Comparer {
     /// Takes the simulation's samples. Returns the deviations of the ticks that all groups have completed by
     /// now.
     pub fn compare(&mut self, sim: &mut Sim) -> Vec<Deviating> {
-        for Sample { time, group, view, members, tick, owned, replicas, .. } in sim.take_samples() {
+        for Sample { time, group, view, members, tick, owned, ghosts, .. } in sim.take_samples() {
             let group = self.ticks.entry(tick).or_default().entry(group).or_default();
             if group.view != view {
                 // The next view begins with the last tick of the view before.
@@ -73,7 +73,7 @@ impl Comparer {
             group.missing = group.missing.saturating_sub(1);
             group.time = time;
             group.owned.extend(owned.into_iter().map(|(id, state)| (id, state.pose)));
-            group.replicas.extend(replicas);
+            group.ghosts.extend(ghosts);
         }
         let is_complete = |groups: &BTreeMap<GroupId, Group>| {
             groups.len() == self.groups && groups.values().all(|group| group.missing == 0)
@@ -98,8 +98,8 @@ fn deviating(groups: &BTreeMap<GroupId, Group>, authoritative: impl Fn(BodyId) -
     let apart = times().max().unwrap_or_default() - times().min().unwrap_or_default();
     let mut all = Deviating { apart, ..Deviating::default() };
     for (&id, group) in groups {
-        for (body, pose) in &group.replicas {
-            all.replicas.extend(group.owned.get(body).map(|owner| deviation_m(pose, owner)));
+        for (body, pose) in &group.ghosts {
+            all.ghosts.extend(group.owned.get(body).map(|owner| deviation_m(pose, owner)));
         }
         for (&body, pose) in &group.owned {
             let authority = authoritative(body);

@@ -12,7 +12,7 @@ pub trait Engine: Physics + fmt::Debug {
     /// Returns every owned body, in id order.
     fn claims(&self) -> Vec<Claim>;
     /// Returns every ghost with the epoch of its owner as known here, and its pose here.
-    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)>;
+    fn ghosts(&self) -> Vec<(BodyId, Epoch, WorldPose)>;
     /// Returns the state of an owned body.
     fn state(&self, id: BodyId) -> Option<BodyState>;
     /// Returns the number of rounds of the last tick; 0 if a rebuild took its place.
@@ -71,7 +71,7 @@ pub struct Sample {
     /// The states of the bodies that it owned.
     pub owned: Vec<(BodyId, BodyState)>,
     /// The poses of its ghosts.
-    pub replicas: Vec<(BodyId, WorldPose)>,
+    pub ghosts: Vec<(BodyId, WorldPose)>,
     /// The energy and contacts of the bodies that it owned.
     pub mechanics: Mechanics,
 }
@@ -80,9 +80,9 @@ impl Sample {
     pub(super) fn of(time: Duration, node: NodeId, view: &View, tick: Tick, physics: &dyn Engine) -> Self {
         let claims = physics.claims().into_iter();
         let owned = claims.filter_map(|claim| Some((claim.id, physics.state(claim.id)?))).collect();
-        let replicas = physics.replicas().into_iter().map(|(id, _, pose)| (id, pose)).collect();
+        let ghosts = physics.ghosts().into_iter().map(|(id, _, pose)| (id, pose)).collect();
         let (group, members, view) = (view.group, view.members.len(), view.number);
         let mechanics = physics.mechanics();
-        Self { time, group, view, members, node, tick, owned, replicas, mechanics }
+        Self { time, group, view, members, node, tick, owned, ghosts, mechanics }
     }
 }

@@ -34,7 +34,7 @@ struct Owned {
 #[derive(Clone, Debug, Default)]
 struct Region {
     owned: BTreeMap<BodyId, Owned>,
-    replicas: BTreeMap<BodyId, BodyRecord>,
+    ghosts: BTreeMap<BodyId, BodyRecord>,
     /// The owners of the ghosts.
     owners: BTreeMap<BodyId, RegionId>,
     touching: BTreeSet<ContactKey>,
@@ -42,11 +42,11 @@ struct Region {
 
 impl Region {
     fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
-        self.owned.values().map(|owned| &owned.body).chain(self.replicas.values())
+        self.owned.values().map(|owned| &owned.body).chain(self.ghosts.values())
     }
 
     fn is_vacant(&self) -> bool {
-        self.owned.is_empty() && self.replicas.is_empty()
+        self.owned.is_empty() && self.ghosts.is_empty()
     }
 
     /// Returns the contacts that have begun or ceased since the last call.
@@ -92,7 +92,7 @@ impl Copy {
     fn of(regions: &BTreeMap<RegionId, Region>) -> Self {
         let mut bodies = BTreeMap::new();
         for region in regions.values() {
-            bodies.extend(region.replicas.iter().map(|(&id, body)| (id, body.clone())));
+            bodies.extend(region.ghosts.iter().map(|(&id, body)| (id, body.clone())));
         }
         for region in regions.values() {
             bodies.extend(region.owned.iter().map(|(&id, owned)| (id, owned.body.clone())));
@@ -142,9 +142,9 @@ impl Engine for StandIn {
         claims
     }
 
-    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
+    fn ghosts(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
         let of = |body: &BodyRecord| (body.id, body.epoch, body.state.pose);
-        self.regions.values().flat_map(|region| region.replicas.values().map(of)).collect()
+        self.regions.values().flat_map(|region| region.ghosts.values().map(of)).collect()
     }
 
     fn state(&self, id: BodyId) -> Option<BodyState> {
@@ -276,8 +276,8 @@ impl StandIn {
 
     fn find(&self, id: BodyId) -> Option<BodyRecord> {
         let owned = self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| &owned.body);
-        let replica = || self.regions.values().filter_map(|region| region.replicas.get(&id));
-        owned.or_else(|| replica().max_by_key(|body| body.epoch)).cloned()
+        let ghost = || self.regions.values().filter_map(|region| region.ghosts.get(&id));
+        owned.or_else(|| ghost().max_by_key(|body| body.epoch)).cloned()
     }
 
     fn rebuild(&mut self, regions: &[RegionId], placed: Vec<Placed>, drop: &[BodyId]) {
@@ -286,7 +286,7 @@ impl StandIn {
             self.regions.entry(region).or_default();
         }
         for region in self.regions.values_mut() {
-            region.replicas.clear();
+            region.ghosts.clear();
             region.owners.clear();
             region.touching.clear();
             for id in drop.iter().chain(placed.iter().map(|placed| &placed.body.id)) {
@@ -315,7 +315,7 @@ impl StandIn {
             WorldOp::Remove(id) => {
                 for region in self.regions.values_mut() {
                     removed.extend(region.owned.remove(&id).map(|owned| owned.body));
-                    region.replicas.remove(&id);
+                    region.ghosts.remove(&id);
                     region.owners.remove(&id);
                 }
             }
@@ -401,7 +401,7 @@ impl StandIn {
                     to(gone, &mut |message| message.drops.push(id));
                 }
                 for &new in wanted.difference(holders) {
-                    to(new, &mut |message| message.replicas.push(body.clone()));
+                    to(new, &mut |message| message.ghosts.push(body.clone()));
                 }
                 if leaves {
                     body.epoch = body.epoch.next();
@@ -425,7 +425,7 @@ impl StandIn {
             }
             for (id, target) in left {
                 region.owners.insert(id, target);
-                region.replicas.extend(region.owned.remove(&id).map(|owned| (id, owned.body)));
+                region.ghosts.extend(region.owned.remove(&id).map(|owned| (id, owned.body)));
             }
         }
         let elsewhere: BTreeSet<_> = neighbours.into_values().flatten().collect();
@@ -443,10 +443,10 @@ impl StandIn {
         }
         let tree = self.world().tree.clone();
         let region = self.regions.get_mut(&message.to).expect("messages go to regions of this node");
-        region.owners.extend(message.replicas.iter().map(|replica| (replica.id, message.from)));
-        region.replicas.extend(message.replicas.into_iter().map(|replica| (replica.id, replica)));
+        region.owners.extend(message.ghosts.iter().map(|ghost| (ghost.id, message.from)));
+        region.ghosts.extend(message.ghosts.into_iter().map(|ghost| (ghost.id, ghost)));
         for state in message.states {
-            if let Some(body) = region.replicas.get_mut(&state.id) {
+            if let Some(body) = region.ghosts.get_mut(&state.id) {
                 assert!(body.epoch <= state.epoch, "no state goes back in time");
                 body.epoch = state.epoch;
                 region.owners.insert(state.id, state.owner);
@@ -455,11 +455,11 @@ impl StandIn {
             }
         }
         for id in message.drops {
-            region.replicas.remove(&id);
+            region.ghosts.remove(&id);
             region.owners.remove(&id);
         }
         for Transfer { body, holders, .. } in message.transfers {
-            region.replicas.remove(&body.id);
+            region.ghosts.remove(&body.id);
             region.owners.remove(&body.id);
             let holders =
                 tree.leaves().enumerate().filter(|(rank, _)| holders.contains(*rank)).map(|(_, leaf)| leaf);
@@ -525,7 +525,7 @@ impl StandIn {
         let owner_of = |body: BodyId| owners[&body];
         let stats = TickStats {
             bodies: owned.len() as u32,
-            replicas: self.regions.values().map(|region| region.replicas.len() as u32).sum(),
+            ghosts: self.regions.values().map(|region| region.ghosts.len() as u32).sum(),
             ..TickStats::default()
         };
         let report =
@@ -537,8 +537,7 @@ impl StandIn {
             })
             .collect();
         let rounds_wanted = self.rounds_wanted();
-        let holds =
-            self.regions.values().flat_map(|region| region.owned.keys().chain(region.replicas.keys()));
+        let holds = self.regions.values().flat_map(|region| region.owned.keys().chain(region.ghosts.keys()));
         let holds: BTreeSet<_> = holds.filter(|id| id.client().is_some()).copied().collect();
         let holds = holds.into_iter().collect();
         let questions = std::mem::take(&mut self.questions);

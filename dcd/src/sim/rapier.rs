@@ -91,9 +91,9 @@ impl Engine for RapierEngine {
         claims
     }
 
-    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
-        let replicas = self.held().filter(|held| matches!(held.1, Ownership::Replica { .. }));
-        replicas
+    fn ghosts(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
+        let ghosts = self.held().filter(|held| matches!(held.1, Ownership::Ghost { .. }));
+        ghosts
             .map(|((id, region, handle), _)| (id, region.epoch_of(handle), region.world_pose(handle)))
             .collect()
     }

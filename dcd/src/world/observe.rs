@@ -153,7 +153,7 @@ impl World {
             id: region.id(),
             node: None,
             owned: region.owned_count(),
-            replicas: region.replica_count(),
+            ghosts: region.ghost_count(),
             cell: *region.cell(),
         };
         match &self.inner {

@@ -676,7 +676,7 @@ impl Remote for Served {
             id,
             node: self.world.computed_by(id),
             owned: owned.get(&id).copied().unwrap_or(0),
-            replicas: 0,
+            ghosts: 0,
             cell: tree.cell(id),
         };
         tree.leaves().map(info).collect()

@@ -84,7 +84,7 @@ pub struct RegionInfo {
     /// The number of bodies that the region owns.
     pub owned: usize,
     /// The number of ghosts (copies of other regions' bodies) that the region holds; 0 where it is not known.
-    pub replicas: usize,
+    pub ghosts: usize,
     /// The region's cell, a box in metres. Cells at the edge of the world reach to infinity.
     pub cell: Cell,
 }

@@ -22,7 +22,8 @@ fn the_demo_shows_the_whole_chain_with_a_c_program() {
     assert_eq!(ended.code(), Some(0), "{ended:?}");
     let result = ended.json();
     let keys: BTreeSet<_> = result.as_object().unwrap().keys().map(String::as_str).collect();
-    let contract = "nodes regions bodies ticks tick_ms transfers replicas_mean lost doubled client_updates client_contacts
+    let contract =
+        "nodes regions bodies ticks tick_ms transfers ghosts_mean lost doubled client_updates client_contacts
                     avatar_moved_m bytes_per_s";
     assert_eq!(keys, contract.split_whitespace().collect());
     assert_eq!(

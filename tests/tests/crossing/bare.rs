@@ -80,7 +80,7 @@ impl Setup {
         let mut met = false;
         for _ in 0..self.ticks {
             steps(&mut world, 1);
-            met |= world.stats().replicas + world.stats().transfers as usize > 0;
+            met |= world.stats().ghosts + world.stats().transfers as usize > 0;
         }
         let pose = |&id: &BodyId| {
             let pose = world.pose(id).unwrap();

@@ -25,7 +25,7 @@ fn along_x(from: f64) -> WorldRay {
 }
 
 #[test]
-fn a_body_on_a_border_is_met_once_and_its_replica_never() {
+fn a_body_on_a_border_is_met_once_and_its_ghost_never() {
     let mut config =
         WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
     config.step = config.step.with_coupling(Coupling::Owner);
@@ -33,7 +33,7 @@ fn a_body_on_a_border_is_met_once_and_its_replica_never() {
     let mut world = LocalWorld::new(config).unwrap();
     let ball = insert(&mut world, 0.1, ColliderBuilder::ball(0.5));
     world.step().unwrap();
-    assert_eq!(world.stats().replicas, 1, "the test needs a replica");
+    assert_eq!(world.stats().ghosts, 1, "the test needs a ghost");
     let hits = world.queries().intersect_ray(&along_x(-10.0), &BodyFilter::default()).unwrap();
     let [hit] = hits[..] else { panic!("{hits:?}") };
     assert_eq!((hit.body, hit.collider, hit.normal), (ball, 0, [-1.0, 0.0, 0.0]));

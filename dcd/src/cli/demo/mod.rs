@@ -35,7 +35,7 @@ const DOWN: Duration = Duration::from_millis(1500);
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
-    after_long_help = "--json prints an object last, with the keys nodes regions bodies ticks tick_ms{p50,p99} transfers replicas_mean lost\n\
+    after_long_help = "--json prints an object last, with the keys nodes regions bodies ticks tick_ms{p50,p99} transfers ghosts_mean lost\n\
                        doubled client_updates client_contacts avatar_moved_m bytes_per_s. tick_ms is that of the slowest node; bytes_per_s is\n\
                        what server and nodes receive and send. Exits with 1 when bodies are lost or doubled, or when the C program\n\
                        has heard of no contact."

@@ -52,7 +52,7 @@ pub(super) struct Outcome {
     pub ticks: u64,
     pub tick_ms: Times,
     pub transfers: u64,
-    pub replicas_mean: f64,
+    pub ghosts_mean: f64,
     pub lost: u64,
     pub doubled: u64,
     pub client_updates: u64,
@@ -75,10 +75,7 @@ impl Summary for Outcome {
             ("avatar", format!("moved {:.1} m", self.avatar_moved_m)),
             ("heard", format!("{} updates, {} contacts", self.client_updates, self.client_contacts)),
             ("world", format!("{} ticks of {} bodies in {} regions", self.ticks, self.bodies, self.regions)),
-            (
-                "borders",
-                format!("{} bodies changed regions, {:.1} replicas", self.transfers, self.replicas_mean),
-            ),
+            ("borders", format!("{} bodies changed regions, {:.1} ghosts", self.transfers, self.ghosts_mean)),
             ("tick", format!("{} ms median, {} at 99 %", ms(self.tick_ms.p50), ms(self.tick_ms.p99))),
             ("traffic", format!("{:.0} kB/s at server and nodes", self.bytes_per_s / 1e3)),
             ("lost", self.lost.to_string()),
@@ -113,7 +110,7 @@ impl Played {
             ticks: count("tick"),
             tick_ms: Times { p50: slowest("p50"), p99: slowest("p99") },
             transfers: sum("transfers") as u64,
-            replicas_mean: sum("replicas_mean"),
+            ghosts_mean: sum("ghosts_mean"),
             lost: count("lost"),
             doubled: count("doubled"),
             client_updates: heard("updates")? as u64,
@@ -188,7 +185,7 @@ mod tests {
         let served = json!({"tick": 60, "bodies": 9, "regions": 2, "lost": 0, "doubled": 1, "audited": true, "bytes": 100, "seconds": 2.0});
         let node = |p50, transfers| {
             json!({"tick_ms": {"p50": p50, "p99": null}, "transfers": transfers,
-            "replicas_mean": 1.5, "bytes_per_s": 10.0})
+            "ghosts_mean": 1.5, "bytes_per_s": 10.0})
         };
         let nodes = [node(1.0, 3), node(2.0, 4)];
         let played =
@@ -200,7 +197,7 @@ mod tests {
             ticks: 60,
             tick_ms: Times { p50: Some(2.0), p99: None },
             transfers: 7,
-            replicas_mean: 3.0,
+            ghosts_mean: 3.0,
             lost: 0,
             doubled: 1,
             client_updates: 7,

@@ -73,7 +73,7 @@ impl Live {
             name: region.id().to_string(),
             bodies: region.owned_count(),
             awake: region.awake_count(),
-            replicas: region.replica_count(),
+            ghosts: region.ghost_count(),
             ms: ms(spent),
         });
         Look {
@@ -100,7 +100,7 @@ struct Row {
     name: String,
     bodies: usize,
     awake: usize,
-    replicas: usize,
+    ghosts: usize,
     /// The time per step, milliseconds.
     ms: f64,
 }
@@ -110,7 +110,7 @@ impl Row {
         rows.into_iter().fold(Self { name, ..Self::default() }, |sum, row| Self {
             bodies: sum.bodies + row.bodies,
             awake: sum.awake + row.awake,
-            replicas: sum.replicas + row.replicas,
+            ghosts: sum.ghosts + row.ghosts,
             ms: sum.ms + row.ms,
             ..sum
         })
@@ -119,8 +119,8 @@ impl Row {
 
 impl std::fmt::Display for Row {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { name, bodies, awake, replicas, ms } = self;
-        write!(f, "{name:<12}{bodies:>8} {awake:>8} {replicas:>9} {ms:>10.3}")
+        let Self { name, bodies, awake, ghosts, ms } = self;
+        write!(f, "{name:<12}{bodies:>8} {awake:>8} {ghosts:>9} {ms:>10.3}")
     }
 }
 
@@ -131,19 +131,19 @@ impl std::fmt::Display for Look {
         let count = self.regions.len();
         write!(
             f,
-            "{} bodies ({} awake), {count} region{}, {:.3} ms a step; {} replicas, {} transfers, {} exchanges a tick\n\
+            "{} bodies ({} awake), {count} region{}, {:.3} ms a step; {} ghosts, {} transfers, {} exchanges a tick\n\
              {:<12}{:>8} {:>8} {:>9} {:>10}",
             all.bodies,
             all.awake,
             if count == 1 { "" } else { "s" },
             self.ms,
-            all.replicas,
+            all.ghosts,
             self.transfers,
             self.exchanges,
             "region",
             "bodies",
             "awake",
-            "replicas",
+            "ghosts",
             "ms a step"
         )?;
         let mut busiest: Vec<_> = self.regions.iter().collect();
@@ -172,7 +172,7 @@ mod tests {
             name: format!("r{i}"),
             bodies: 10 + i,
             awake: i,
-            replicas: 2,
+            ghosts: 2,
             ms: if i.is_multiple_of(2) { 1.0 } else { i as f64 },
         };
         Look { ms: 4.25, transfers: 7, exchanges: 2, regions: (0..count).map(row).collect() }.to_string()
@@ -182,8 +182,8 @@ mod tests {
     fn one_region_has_one_line() {
         assert_eq!(
             look(1),
-            "10 bodies (0 awake), 1 region, 4.250 ms a step; 2 replicas, 7 transfers, 2 exchanges a tick\n\
-             region        bodies    awake  replicas  ms a step\n\
+            "10 bodies (0 awake), 1 region, 4.250 ms a step; 2 ghosts, 7 transfers, 2 exchanges a tick\n\
+             region        bodies    awake    ghosts  ms a step\n\
              r0                10        0         2      1.000"
         );
     }

@@ -27,7 +27,7 @@ pub(super) fn of(report: &Report) -> String {
             ),
         ),
         ("contacts", report.contacts.to_string()),
-        ("replicas", format!("{:.1} mean", report.replicas_mean)),
+        ("ghosts", format!("{:.1} mean", report.ghosts_mean)),
         ("transfers", report.transfers.to_string()),
         (
             "energy",

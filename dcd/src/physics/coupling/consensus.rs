@@ -91,7 +91,7 @@ fn agree_on(
     }
     if !body.is_dynamic() {
         // A kinematic body is where its owner says.
-        if let Ownership::Replica { owner } = region.slot(link.handle).role
+        if let Ownership::Ghost { owner } = region.slot(link.handle).role
             && let Some(&(_, copy)) = shared.heard.iter().find(|(rank, _)| *rank == owner)
         {
             write(region, link, &copy.pose, &copy.velocity);
@@ -144,7 +144,7 @@ fn agree_on(
     shared.strayed_m_s = strayed_m_s;
     let apart = Apart::of(copies(), &pose);
     let owner = match region.slot(link.handle).role {
-        Ownership::Replica { owner } => owner,
+        Ownership::Ghost { owner } => owner,
         _ => own_rank,
     };
     let owners = own.iter().chain(&shared.heard).find(|(rank, _)| *rank == owner).map(|(_, copy)| copy);

@@ -1,4 +1,4 @@
-//! Receives bodies, joints, transfers and drops from other regions, and inserts and removes replicas: the
+//! Receives bodies, joints, transfers and drops from other regions, and inserts and removes ghosts: the
 //! receiving end of `halo` and `ownership`.
 
 use rapier3d::prelude::*;
@@ -14,7 +14,7 @@ use crate::space::RegionSet;
 /// The farthest, in metres, that a body is put away from where it is, whatever its owner says.
 const FARTHEST_DISPLACED_M: f32 = 1.0;
 
-/// Inserts the bodies and joints of a message: bodies transferred to this region, and replicas.
+/// Inserts the bodies and joints of a message: bodies transferred to this region, and ghosts.
 pub(super) fn arrive(
     region: &mut Region,
     border: &mut Border,
@@ -27,7 +27,7 @@ pub(super) fn arrive(
         take_over(region, border, transfer, sender, ground, shares_mass)?;
     }
     let mut held = Vec::new();
-    for body in &message.replicas {
+    for body in &message.ghosts {
         let Some(handle) = hold(region, body, sender, ground)? else { continue };
         if shares_mass {
             region.begin_mass_split(handle);
@@ -43,7 +43,7 @@ pub(super) fn arrive(
     Ok(())
 }
 
-/// Puts replicas that this region has just come to hold where they lay when their owner found their contacts,
+/// Puts ghosts that this region has just come to hold where they lay when their owner found their contacts,
 /// until the next exchange, so that the step in between finds the same contacts. If another dynamic body
 /// might touch one of them there, all stay where they are.
 fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
@@ -84,13 +84,13 @@ fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], hel
     }
 }
 
-/// Removes replicas that are no longer needed, and wakes owned bodies whose replicas something elsewhere has
+/// Removes ghosts that are no longer needed, and wakes owned bodies whose ghosts something elsewhere has
 /// moved.
 pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize) {
     for &id in &message.drops {
         let handle = region.handle_of(id);
-        // The message may have crossed a transfer: only a replica of the sender's is dropped.
-        if handle.is_some_and(|handle| region.slot(handle).role == Ownership::Replica { owner: sender }) {
+        // The message may have crossed a transfer: only a ghost of the sender's is dropped.
+        if handle.is_some_and(|handle| region.slot(handle).role == Ownership::Ghost { owner: sender }) {
             region.give_up(id);
         }
     }
@@ -132,7 +132,7 @@ fn take_over(
     // Otherwise the sender is mistaken or malicious: the owner at the highest epoch stays, and an immovable
     // body has no owner.
     let slot = region.slot(handle);
-    if !matches!(slot.role, Ownership::Replica { .. }) || body.epoch < slot.epoch {
+    if !matches!(slot.role, Ownership::Ghost { .. }) || body.epoch < slot.epoch {
         let (role, epoch) = (slot.role, slot.epoch);
         tracing::warn!(body = %body.id, sender, ?role, %epoch, told = %body.epoch, "a transfer is refused");
         return Ok(());
@@ -154,18 +154,18 @@ fn take_over(
     Ok(())
 }
 
-/// Inserts a replica, or renews one that is here already, and returns it. Returns `None` if what is here is
-/// no replica, or if the body cannot be built: a member that invents shapes must not end this process.
+/// Inserts a ghost, or renews one that is here already, and returns it. Returns `None` if what is here is
+/// no ghost, or if the body cannot be built: a member that invents shapes must not end this process.
 fn hold(
     region: &mut Region,
     body: &BodyRecord,
     sender: usize,
     ground: Ground<'_>,
 ) -> Result<Option<RigidBodyHandle>, ShapeError> {
-    let role = Ownership::Replica { owner: sender };
+    let role = Ownership::Ghost { owner: sender };
     if let Some(handle) = region.handle_of(body.id) {
         let slot = region.slot(handle);
-        if !matches!(slot.role, Ownership::Replica { .. }) {
+        if !matches!(slot.role, Ownership::Ghost { .. }) {
             return Ok(None);
         }
         if slot.traits == body.traits && slot.epoch <= body.epoch {
@@ -258,9 +258,9 @@ mod tests {
             let tick = host.tick().next();
             host.compute();
             let lay = ContactPose { id: copy.id, pose: WorldPose::at([5.0 + aside_m, 4.0, 0.0]) };
-            let (replicas, contact_poses) = (vec![copy.clone()], vec![lay]);
+            let (ghosts, contact_poses) = (vec![copy.clone()], vec![lay]);
             let message =
-                BorderMessage { from: left, to: right, tick, replicas, contact_poses, ..Default::default() };
+                BorderMessage { from: left, to: right, tick, ghosts, contact_poses, ..Default::default() };
             host.accept(message);
             host.exchange().unwrap();
             host.end_tick();
@@ -285,7 +285,7 @@ mod tests {
                 Transfer { body, holders, whole: false }
             };
             let transfers = vec![transfer(&stolen), transfer(&invented)];
-            let replicas = vec![stolen, invented.clone()];
+            let ghosts = vec![stolen, invented.clone()];
             let [left, right] = [0, 1].map(|rank| host.partition().leaves()[rank]);
             let tick = host.tick().next();
             host.compute();
@@ -294,7 +294,7 @@ mod tests {
                 to: right,
                 tick,
                 transfers,
-                replicas,
+                ghosts,
                 ..Default::default()
             });
             host.exchange().unwrap();

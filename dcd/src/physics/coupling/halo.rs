@@ -1,6 +1,6 @@
-//! Replicates bodies to the regions whose halo they touch and transfers ownership, for the couplings `owner`
-//! and `proxy`. A body that comes near a neighbour's cell is sent to the neighbour as a replica, and dropped
-//! there when it leaves the halo. A body whose centre has left the region is transferred. It is replicated
+//! Sends ghosts of bodies to the regions whose halo they touch and transfers ownership, for the couplings `owner`
+//! and `proxy`. A body that comes near a neighbour's cell is sent to the neighbour as a ghost, and dropped
+//! there when it leaves the halo. A body whose centre has left the region is transferred. It has a ghost there
 //! before that (thesis 3.3.3), so that its contacts and their warm start are there when authority changes.
 
 use rapier3d::prelude::*;
@@ -180,7 +180,7 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
     let target = RegionSet::only(owner);
     let added = holders.without(before).without(if leaving { target } else { RegionSet::EMPTY });
     for rank in added.iter() {
-        outbox.to(rank).replicas.push(record.clone());
+        outbox.to(rank).ghosts.push(record.clone());
         outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in before.without(holders).without(if leaving { target } else { RegionSet::EMPTY }).iter() {
@@ -203,7 +203,7 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
         for rank in holders.without(own).iter() {
             outbox.to(rank).members.push(membership);
         }
-        region.set_role(link.handle, Ownership::Replica { owner }, RegionSet::EMPTY, epoch.next());
+        region.set_role(link.handle, Ownership::Ghost { owner }, RegionSet::EMPTY, epoch.next());
     } else {
         region.set_role(link.handle, Ownership::Owner, holders, epoch);
     }
@@ -226,7 +226,7 @@ impl Inner {
 
     /// Returns for how many ticks a body surely stays within, if nothing speeds it up by more than
     /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is checked at most that many
-    /// ticks late: it is replicated late, never lost.
+    /// ticks late: its ghost comes late, it is never lost.
     fn ticks_within(&self, region: &Region, handle: RigidBodyHandle, dt_s: f32) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();

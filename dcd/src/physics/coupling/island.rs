@@ -172,7 +172,7 @@ impl Islands {
             let concerned = match region.role_of(handle).filter(|_| here) {
                 Some((_, Ownership::Owner)) => region.slot(handle).holders,
                 // The owner may hold none of the bodies that touch its body here.
-                Some((_, Ownership::Replica { owner })) => RegionSet::only(owner),
+                Some((_, Ownership::Ghost { owner })) => RegionSet::only(owner),
                 _ => continue,
             };
             let place = self.of[handle.into_raw_parts().0 as usize] as usize - 1;
@@ -363,7 +363,7 @@ impl Islands {
                         }
                     }
                 }
-                Ownership::Replica { owner } => {
+                Ownership::Ghost { owner } => {
                     island.ghosts += 1;
                     let heard = shared.get(handle).into_iter().flat_map(|shared| &shared.heard);
                     let copy = heard.filter(|(rank, _)| *rank == owner).map(|(_, copy)| copy).next();

@@ -186,7 +186,7 @@ impl Late {
         }
         let is_here = |handle| is_tied(region, handle) && region.physics().bodies[handle].is_dynamic();
         self.tied.retain(|&id, _| copy_of(region, id).is_some_and(is_here));
-        for link in region.replicas().iter().filter(|link| is_here(link.handle)) {
+        for link in region.ghosts().iter().filter(|link| is_here(link.handle)) {
             let state = region.body_state(link.handle);
             let states = &mut self.tied.entry(link.id).or_default().states;
             // A tick may have several substeps.
@@ -257,7 +257,7 @@ fn copy_of(region: &Region, id: BodyId) -> Option<RigidBodyHandle> {
 /// Returns the copy of a body that another region owns.
 fn ghost_of(region: &Region, id: BodyId) -> Option<RigidBodyHandle> {
     let handle = region.handle_of(id)?;
-    matches!(region.slot(handle).role, Ownership::Replica { .. }).then_some(handle)
+    matches!(region.slot(handle).role, Ownership::Ghost { .. }).then_some(handle)
 }
 
 #[cfg(test)]

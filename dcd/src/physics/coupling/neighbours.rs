@@ -202,7 +202,7 @@ pub(super) fn held_with(region: &Region) -> RegionSet {
         let slot = region.slot(link.handle);
         let all = all.union(slot.holders);
         match slot.role {
-            Ownership::Replica { owner } => all.union(RegionSet::only(owner)),
+            Ownership::Ghost { owner } => all.union(RegionSet::only(owner)),
             _ => all,
         }
     })

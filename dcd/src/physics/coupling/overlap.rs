@@ -122,7 +122,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     };
     shared.own = CopyState { velocity, part, seen, size, island, held_by, grounded, ..copy };
     let hearers = match role {
-        Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
+        Ownership::Ghost { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)
         }
         _ => shared.members.without(RegionSet::only(region.rank())),
@@ -136,9 +136,9 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
 
 /// Stores the other regions' copies. All lists are in id order, so that no body needs a look-up.
 fn hear(region: &Region, border: &mut Border, copies: &[CopyState], sender: usize) {
-    let (mut in_shared, mut in_replicas) = (0, 0);
+    let (mut in_shared, mut in_ghosts) = (0, 0);
     for copy in copies {
-        let lists = [(region.shared(), &mut in_shared), (region.replicas(), &mut in_replicas)];
+        let lists = [(region.shared(), &mut in_shared), (region.ghosts(), &mut in_ghosts)];
         let handle = lists.into_iter().find_map(|(list, at)| {
             while list.get(*at).is_some_and(|link| link.id < copy.id) {
                 *at += 1;

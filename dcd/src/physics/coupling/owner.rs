@@ -1,5 +1,5 @@
 //! Implements the owner coupling: the owner computes each body. Regions whose halo the body touches hold it
-//! as a dynamic replica, which pushes and is pushed until the owner's state overwrites it after the step.
+//! as a dynamic ghost, which pushes and is pushed until the owner's state overwrites it after the step.
 //! Momentum is not conserved across a border: each side solves the contact with its own copy of the other
 //! body.
 
@@ -59,11 +59,11 @@ fn tell_states(region: &mut Region, outbox: &mut Outbox) {
     }
 }
 
-/// Asks owners to wake the sleeping bodies whose replicas something here has moved.
+/// Asks owners to wake the sleeping bodies whose ghosts something here has moved.
 fn tell_wakes(region: &Region, outbox: &mut Outbox) {
-    for link in region.replicas() {
+    for link in region.ghosts() {
         let slot = region.slot(link.handle);
-        let (Some(asleep_at), Ownership::Replica { owner }) = (slot.asleep_at, slot.role) else { continue };
+        let (Some(asleep_at), Ownership::Ghost { owner }) = (slot.asleep_at, slot.role) else { continue };
         let body = &region.physics().bodies[link.handle];
         let stirred = !body.is_sleeping()
             && (body.linvel().length() > WAKE_M_S
@@ -74,13 +74,13 @@ fn tell_wakes(region: &Region, outbox: &mut Outbox) {
     }
 }
 
-/// Notes the new owners of bodies of which this region holds replicas.
+/// Notes the new owners of bodies of which this region holds ghosts.
 fn hear_owners(region: &mut Region, members: &[Membership]) {
     for member in members {
         let Some(handle) = region.handle_of(member.id) else { continue };
         let slot = region.slot(handle);
         if slot.role != Ownership::Owner && member.epoch > slot.epoch {
-            let role = Ownership::Replica { owner: member.owner.into() };
+            let role = Ownership::Ghost { owner: member.owner.into() };
             region.set_role(handle, role, RegionSet::EMPTY, member.epoch);
         }
     }
@@ -91,10 +91,10 @@ fn hear_owners(region: &mut Region, members: &[Membership]) {
 fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
     let mut at = 0;
     for state in states {
-        while region.replicas().get(at).is_some_and(|link| link.id < state.id) {
+        while region.ghosts().get(at).is_some_and(|link| link.id < state.id) {
             at += 1;
         }
-        let Some(&link) = region.replicas().get(at) else { return };
+        let Some(&link) = region.ghosts().get(at) else { return };
         if link.id == state.id {
             write_state(region, link, state, sender);
         }
@@ -108,7 +108,7 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
         return;
     }
     slot.epoch = state.epoch;
-    slot.role = Ownership::Replica { owner: sender };
+    slot.role = Ownership::Ghost { owner: sender };
     slot.asleep_at = state.sleeping.then_some(pose);
     let (linear, angular) = (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
     let body = &region.physics().bodies[link.handle];

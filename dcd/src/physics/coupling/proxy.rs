@@ -18,7 +18,7 @@ pub(super) fn apply<'a>(
 ) -> Result<(), ShapeError> {
     owner::apply(side, inbox, ground)?;
     let Side { region, border, .. } = side;
-    for link in region.replicas().to_vec() {
+    for link in region.ghosts().to_vec() {
         set_kind(region, link.handle, RigidBodyType::KinematicVelocityBased);
     }
     for link in &border.arrived {

@@ -50,7 +50,7 @@ impl Reach {
         let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         let outweighs = |other, ghost: RigidBodyHandle| {
             let slot = region.slot(ghost);
-            let Ownership::Replica { owner } = slot.role else { return false };
+            let Ownership::Ghost { owner } = slot.role else { return false };
             let is_anchored = islands.of(other).is_some_and(|island| island.anchored);
             if !is_anchored || region.physics().bodies[ghost].is_ccd_enabled() {
                 return false;
@@ -66,7 +66,7 @@ impl Reach {
         for link in region.held_elsewhere() {
             let slot = region.slot(link.handle);
             let owner = match slot.role {
-                Ownership::Replica { owner } => Some(owner),
+                Ownership::Ghost { owner } => Some(owner),
                 _ => None,
             };
             let others: RegionSet = owner.into_iter().chain(slot.led_by).collect();
@@ -124,7 +124,7 @@ impl Reach {
             let slot = region.slot(link.handle);
             if slot.traits.kind == BodyKind::Dynamic {
                 region.for_each_contact(link.handle, |other, _| carriers.push((other, slot.holders)));
-            } else if let Ownership::Replica { owner } = slot.role {
+            } else if let Ownership::Ghost { owner } = slot.role {
                 tied.extend(region.tied_to(link.handle).map(|other| (other, RegionSet::only(owner))));
             }
         }

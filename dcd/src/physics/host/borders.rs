@@ -72,7 +72,7 @@ impl RegionHost {
     /// region and Rapier's handle there.
     pub fn ghosts(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
         self.regions()
-            .flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
+            .flat_map(|region| region.ghosts().iter().map(move |copy| (copy.id, region, copy.handle)))
     }
 
     /// Returns the swept AABB of a movable body as a region holds it: the box around all that it may reach in

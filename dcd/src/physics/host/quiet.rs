@@ -149,7 +149,7 @@ fn regions_rest_that_share_bodies_asleep_and_one_that_is_pushed_wakes_the_others
                 assert!(is_alike, "before {kick_m_s} m/s, tick {}", host.tick().0);
             }
             assert_eq!(host.validate(), []);
-            let shares = |region: &Region| region.replica_count() > 0;
+            let shares = |region: &Region| region.ghost_count() > 0;
             assert!(host.awake_bodies().is_empty() && host.regions().all(shares));
             assert_eq!([resting(&host), resting(&restless)], [4, 0]);
             let kick = Velocity { linear: [kick_m_s, 0.0, 0.0], ..Velocity::default() };

@@ -150,7 +150,7 @@ impl RegionHost {
     /// Removes ghosts that no owner has announced since [`RegionHost::rebuild`].
     pub fn drop_unconfirmed(&mut self) {
         for Side { region, .. } in &mut self.sides {
-            for link in region.replicas().to_vec() {
+            for link in region.ghosts().to_vec() {
                 if !region.slot(link.handle).confirmed {
                     region.remove(link.id);
                 }

@@ -30,7 +30,7 @@ pub enum Inconsistency {
     },
     /// The owner of a body believes that a region holds a ghost of it, which the region does not.
     #[error("{region} does not hold {body}, though its owner believes so")]
-    NoReplica {
+    NoGhost {
         /// Which body.
         body: BodyId,
         /// The region that should hold it.
@@ -38,7 +38,7 @@ pub enum Inconsistency {
     },
     /// A region holds a ghost of which the owner does not know.
     #[error("{region} holds {body}, and its owner does not know")]
-    UnknownReplica {
+    UnknownGhost {
         /// Which body.
         body: BodyId,
         /// The region that holds it.
@@ -53,7 +53,7 @@ pub enum Inconsistency {
         region: RegionId,
     },
     /// A region's lists of shared bodies and ghosts do not list its bodies, each once and in id order.
-    #[error("the lists of shared bodies and replicas in {region} are not those of its bodies in id order")]
+    #[error("the lists of shared bodies and ghosts in {region} are not those of its bodies in id order")]
     Lists {
         /// The region.
         region: RegionId,
@@ -80,7 +80,7 @@ impl RegionHost {
         let mut parts: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
         let region_of = |rank: usize| self.partition.leaves()[rank];
         for region in self.regions() {
-            let (mut shared, mut replicas) = (BTreeSet::new(), BTreeSet::new());
+            let (mut shared, mut ghosts) = (BTreeSet::new(), BTreeSet::new());
             for (body, role, handle, rigid_body) in region.bodies() {
                 let id = region.id();
                 match role {
@@ -94,9 +94,9 @@ impl RegionHost {
                             found.push(Inconsistency::Index { body, region: id });
                         }
                     }
-                    Ownership::Replica { .. } => {
+                    Ownership::Ghost { .. } => {
                         held.entry(body).or_insert(RegionSet::EMPTY).insert(region.rank());
-                        replicas.insert(body);
+                        ghosts.insert(body);
                     }
                     Ownership::Immovable => {}
                 }
@@ -111,7 +111,7 @@ impl RegionHost {
                 }
             }
             let listed = |list: &[BodyRef], bodies| list.iter().map(|link| link.id).eq(bodies);
-            if !listed(region.shared(), shared) || !listed(region.replicas(), replicas) {
+            if !listed(region.shared(), shared) || !listed(region.ghosts(), ghosts) {
                 found.push(Inconsistency::Lists { region: region.id() });
             }
         }
@@ -123,9 +123,9 @@ impl RegionHost {
                 let here = held.get(&body).copied().unwrap_or(RegionSet::EMPTY);
                 let (_, holders) = owners[0];
                 let missing = holders.without(here).iter().map(region_of);
-                found.extend(missing.map(|region| Inconsistency::NoReplica { body, region }));
+                found.extend(missing.map(|region| Inconsistency::NoGhost { body, region }));
                 let unknown = here.without(holders).iter().map(region_of);
-                found.extend(unknown.map(|region| Inconsistency::UnknownReplica { body, region }));
+                found.extend(unknown.map(|region| Inconsistency::UnknownGhost { body, region }));
             }
             for (&body, copies) in &parts {
                 // All copies that have a part know of each other, so that each of n copies has the n-th part.
@@ -188,11 +188,11 @@ mod tests {
             "{two:?}"
         );
         assert!(two.contains(&Inconsistency::Lists { region: region(HOLDER) }), "{two:?}");
-        assert!(owners(&role(OWNER, Ownership::Replica { owner: HOLDER }), 0));
+        assert!(owners(&role(OWNER, Ownership::Ghost { owner: HOLDER }), 0));
 
         let unknown =
             found(|host, _, [own, _]| host.sides[OWNER].region.slot_mut(own).holders = RegionSet::EMPTY);
-        let [Inconsistency::UnknownReplica { region: at, .. }, Inconsistency::Lists { .. }] = unknown[..]
+        let [Inconsistency::UnknownGhost { region: at, .. }, Inconsistency::Lists { .. }] = unknown[..]
         else {
             panic!("{unknown:?}")
         };

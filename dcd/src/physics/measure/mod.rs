@@ -82,7 +82,7 @@ pub trait Measured {
     }
 
     /// Returns the bodies that Rapier set aside in the last step because their state was not finite: once for
-    /// each copy, the owner's or a replica.
+    /// each copy, the owner's or a ghost.
     fn quarantined(&self) -> Vec<BodyId> {
         let of = |view: View<'_>| {
             let handles = view.physics().quarantine().bodies();

@@ -4,7 +4,7 @@
 //! Each region asks its own Rapier world about the bodies for which it answers, and the answers are merged.
 //! No body answers twice from two slightly different places:
 //!
-//! - A replica is left to its owner.
+//! - A ghost is left to its owner.
 //! - An immovable body is held by several regions. A region near the answer answers for it.
 
 mod answer;
@@ -115,7 +115,7 @@ impl<'a> Queries<'a> {
         for region in regions {
             let world = region.physics();
             let immovable_too = near.is_none_or(|near| region.covers(near));
-            let all_count = immovable_too && region.replicas().is_empty();
+            let all_count = immovable_too && region.ghosts().is_empty();
             let counts = |parent| match region.role_of(parent) {
                 Some((_, Ownership::Immovable)) => immovable_too,
                 Some((_, Ownership::Owner)) => true,

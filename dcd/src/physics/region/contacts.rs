@@ -103,7 +103,7 @@ impl Region {
         match slot.role {
             Ownership::Immovable => None,
             Ownership::Owner => Some(self.rank),
-            Ownership::Replica { owner } => Some(owner),
+            Ownership::Ghost { owner } => Some(owner),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Inserts bodies into a region and removes them, and keeps its lists of owned, shared and replicated bodies.
+//! Inserts bodies into a region and removes them, and keeps its lists of owned and shared bodies and of ghosts.
 
 use std::sync::Arc;
 
@@ -102,7 +102,7 @@ impl Region {
             _ => self.turnover.born_awake.push(handle),
         }
         let link = BodyRef { id: body.id, handle };
-        if !holders.is_empty() || matches!(role, Ownership::Replica { .. }) {
+        if !holders.is_empty() || matches!(role, Ownership::Ghost { .. }) {
             self.list(link);
         }
         if role == Ownership::Owner {
@@ -229,7 +229,7 @@ impl Region {
                     slot.holders = if was_shared { holders } else { RegionSet::EMPTY };
                     self.fresh.push(BodyRef { id, handle });
                 }
-                Ownership::Replica { .. } => slot.confirmed = false,
+                Ownership::Ghost { .. } => slot.confirmed = false,
                 Ownership::Immovable => {}
             }
         }
@@ -241,7 +241,7 @@ impl Region {
         let slot = self.slot(link.handle);
         let list = match slot.role {
             Ownership::Owner if !slot.holders.is_empty() => &self.shared,
-            Ownership::Replica { .. } => &self.replicas,
+            Ownership::Ghost { .. } => &self.ghosts,
             _ => return false,
         };
         let place = list.binary_search_by_key(&link.id, |other| other.id);
@@ -253,7 +253,7 @@ impl Region {
         let slot = self.slot(link.handle);
         let list = match slot.role {
             Ownership::Owner if !slot.holders.is_empty() => &mut self.shared,
-            Ownership::Replica { .. } => &mut self.replicas,
+            Ownership::Ghost { .. } => &mut self.ghosts,
             _ => return,
         };
         if let Err(place) = list.binary_search_by_key(&link.id, |other| other.id) {
@@ -262,7 +262,7 @@ impl Region {
     }
 
     pub(in crate::physics) fn unlist(&mut self, id: BodyId) {
-        for list in [&mut self.shared, &mut self.replicas] {
+        for list in [&mut self.shared, &mut self.ghosts] {
             if let Ok(place) = list.binary_search_by_key(&id, |other| other.id) {
                 list.remove(place);
             }

@@ -34,7 +34,7 @@ impl Region {
         for slot in self.slots.iter_mut().flatten() {
             slot.holders = ranks.set(slot.holders);
             slot.led_by = slot.led_by.and_then(|rank| ranks.to[rank]);
-            if let Ownership::Replica { owner } = &mut slot.role {
+            if let Ownership::Ghost { owner } = &mut slot.role {
                 *owner = ranks.rank(*owner);
             }
             if let Some(mass_split) = slot.mass_split.as_deref_mut() {

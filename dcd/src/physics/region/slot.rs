@@ -19,7 +19,7 @@ pub enum Ownership {
     /// This region owns the body: its copy is authoritative.
     Owner,
     /// The region of this rank owns the body; this region holds a ghost.
-    Replica {
+    Ghost {
         /// Rank of the owner.
         owner: usize,
     },

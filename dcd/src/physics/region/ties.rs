@@ -175,7 +175,7 @@ impl Region {
         b: RigidBodyHandle,
         record: &JointRecord,
     ) -> Option<MultibodyJointHandle> {
-        let is_ghost = |end| matches!(self.slot(end).role, Ownership::Replica { .. });
+        let is_ghost = |end| matches!(self.slot(end).role, Ownership::Ghost { .. });
         // Rapier ends the program at a link that is not dynamic.
         if is_ghost(a) || is_ghost(b) || !self.physics().bodies[b].is_dynamic() {
             return None;
@@ -190,7 +190,7 @@ impl Region {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
             if held.record.link.is_some() {
-                let owned = !matches!(self.slot(handle).role, Ownership::Replica { .. });
+                let owned = !matches!(self.slot(handle).role, Ownership::Ghost { .. });
                 match held.handle {
                     None if owned => self.await_solver(id),
                     Some(solver) if !owned => {

@@ -153,7 +153,7 @@ fn a_push_on_a_body_that_is_on_its_way_here_is_not_lost() {
     let mut copy = sim_body(held, [7.0, 4.0, 1.0]);
     Arc::make_mut(&mut copy.traits).extra_mass = Some(ExtraMass::Mass(2.0));
     let tell = BorderMessage { from, to, tick: Tick(0), ..BorderMessage::default() };
-    accept(&mut physics, Tick(0), vec![BorderMessage { replicas: vec![copy.clone()], ..tell.clone() }]);
+    accept(&mut physics, Tick(0), vec![BorderMessage { ghosts: vec![copy.clone()], ..tell.clone() }]);
     let states = vec![SharedState {
         id: held,
         owner: from,

@@ -110,7 +110,7 @@ impl LocalWorld {
         Stats {
             ticks: self.host.tick().0,
             bodies: self.host.owned_count(),
-            replicas: self.host.regions().map(Region::replica_count).sum(),
+            ghosts: self.host.regions().map(Region::ghost_count).sum(),
             transfers: self.host.transfers(),
             last_step: self.last_step,
             quarantined: self.host.regions().map(|region| region.quarantined().len()).sum(),

@@ -45,7 +45,7 @@ pub struct Report {
     /// The number of pairs of colliders that touch at the end, each counted once.
     pub contacts: usize,
     /// The number of ghosts (copies of bodies in regions that do not own them), mean of all steps.
-    pub replicas_mean: f64,
+    pub ghosts_mean: f64,
     /// The number of changes of owner.
     pub transfers: u64,
     /// The kinetic and potential energy, joules.

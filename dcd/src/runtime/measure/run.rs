@@ -216,7 +216,7 @@ fn run_here(
         rtf: ticks as f64 * f64::from(cast.dt_s) / wall_s,
         step_ms: StepTimes::of(&steps),
         contacts: last.pairs,
-        replicas_mean: watch.replicas as f64 / ticks as f64,
+        ghosts_mean: watch.ghosts as f64 / ticks as f64,
         transfers: subject.stats().transfers,
         energy_j: StartEnd { start: energy_j, end: subject.energy_j() },
         momentum_kgms: StartEnd { start: momentum_kgms, end: subject.momentum_kgms() },
@@ -234,7 +234,7 @@ fn run_here(
 /// The measurements gathered between steps.
 #[derive(Default)]
 struct Watch {
-    replicas: usize,
+    ghosts: usize,
     exchanges: usize,
     disagreement_sum: f64,
     disagreement_max: f64,
@@ -250,7 +250,7 @@ impl Watch {
     fn step(&mut self, subject: &Subject) {
         let stats = subject.stats();
         let disagreement = f64::from(stats.disagreement_m_s);
-        self.replicas += stats.replicas;
+        self.ghosts += stats.ghosts;
         self.exchanges += stats.exchanges;
         self.disagreement_sum += disagreement;
         self.disagreement_max = self.disagreement_max.max(disagreement);
@@ -311,7 +311,7 @@ mod tests {
         assert_eq!(report.ground_force_ratio, None);
         assert!(report.exchanges_mean >= 1.0 && report.exchanges_mean <= 4.0, "{report:?}");
         assert!(report.disagreement_m_s.max >= report.disagreement_m_s.mean, "{report:?}");
-        assert!(report.transfers > 0 && report.replicas_mean > 0.0, "{report:?}");
+        assert!(report.transfers > 0 && report.ghosts_mean > 0.0, "{report:?}");
     }
 
     #[test]

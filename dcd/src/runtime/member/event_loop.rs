@@ -516,7 +516,7 @@ impl Loop {
                     summary.bodies = stats.bodies;
                     summary.regions = self.device.host().map_or(0, |host| host.regions().len());
                     summary.transfers += u64::from(stats.transfers);
-                    summary.replicas_sum += u64::from(stats.replicas);
+                    summary.ghosts_sum += u64::from(stats.ghosts);
                     summary.exchanges_sum += u64::from(stats.exchanges);
                     summary.disagreement_max_m_s = summary.disagreement_max_m_s.max(stats.disagreement_m_s);
                     summary.last_us = stats.compute_us;

@@ -227,7 +227,7 @@ impl Source for NodeMetrics {
         .is(c.verified as f64);
         text.gauge("dcd_regions", "Regions computed here.").is(n.regions as f64);
         text.gauge("dcd_bodies", "Movable bodies owned here.").is(n.last.bodies.into());
-        text.gauge("dcd_ghosts", "Copies of bodies of other regions, held here.").is(n.last.replicas.into());
+        text.gauge("dcd_ghosts", "Copies of bodies of other regions, held here.").is(n.last.ghosts.into());
         text.gauge("dcd_contact_pairs", "Pairs of colliders that touch or nearly do.")
             .is(n.last.contacts.into());
         text.counter("dcd_transfers_total", "Bodies that came to a region of this node from another.")

@@ -107,7 +107,7 @@ mod tests {
             let view = Viewpoint { at: [f64::from(tick) - 30.0, 2.0, 0.0], radius_m: 5.0 };
             world.set_viewpoints(&[view]).unwrap();
             world.step().unwrap();
-            (world.state_hash(), world.events().clone(), world.stats().replicas)
+            (world.state_hash(), world.events().clone(), world.stats().ghosts)
         });
         seen.collect()
     }

@@ -424,7 +424,7 @@ fn a_changed_layout_has_a_new_format_number() {
     for _ in 0..2 {
         world.step().unwrap();
     }
-    assert!(world.stats().replicas > 0);
+    assert!(world.stats().ghosts > 0);
     let written = (FORMAT, saved(&world).len() - header_len());
     assert_eq!(written, (28, 108_807), "raise FORMAT, then put the new length here");
 }

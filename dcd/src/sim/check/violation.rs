@@ -25,7 +25,7 @@ pub enum Violation {
         tick: Tick,
     },
     /// A ghost has seen a later epoch than its owner's.
-    #[error("a replica of {body} is newer than its owner after {tick}")]
+    #[error("a ghost of {body} is newer than its owner after {tick}")]
     Outdated {
         /// The body.
         body: BodyId,

@@ -147,7 +147,7 @@ fn fate(region: &Region, border: &mut Border, moment: Moment<'_>, all: &[BodyRef
     let stays_whole = largest.len() == all.len() || all.len() <= moment.settings.island_limit;
     let cannot_go = |link: &BodyRef| {
         let (body, slot) = (&region.physics().bodies[link.handle], region.slot(link.handle));
-        let others = slot.role != Ownership::Owner && slot.role != Ownership::Replica { owner: goal };
+        let others = slot.role != Ownership::Owner && slot.role != Ownership::Ghost { owner: goal };
         let is_needed_here = region.is_sensed(link.handle) || region.is_walked_on(link.handle);
         // Where something of another region comes, the two must go on to know of each other.
         let is_met = border.predicted.meetings_of(slot.id).any(|meeting| meeting.island > 0);

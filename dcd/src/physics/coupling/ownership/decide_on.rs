@@ -116,7 +116,7 @@ pub(super) fn decide_on(
         let holders = members.without(RegionSet::only(owner));
         let whole = region.slot(link.handle).whole;
         outbox.to(owner).transfers.push(Transfer { body, holders, whole });
-        region.set_role(link.handle, Ownership::Replica { owner }, members.without(own), epoch.next());
+        region.set_role(link.handle, Ownership::Ghost { owner }, members.without(own), epoch.next());
     }
     border.decisions.push(Decision { link, members, warming });
     None

@@ -31,7 +31,7 @@ pub(super) fn tell(
     let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
     let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, warming };
     for rank in added.iter() {
-        outbox.to(rank).replicas.push(record.clone());
+        outbox.to(rank).ghosts.push(record.clone());
         outbox.to(rank).contact_poses.extend(lay);
         outbox.to(rank).joints.extend_from_slice(&joints);
     }
@@ -81,7 +81,7 @@ pub(in crate::physics::coupling) fn commit<'a>(
             continue;
         }
         if slot.role != Ownership::Owner && usize::from(membership.owner) != region.rank() {
-            let role = Ownership::Replica { owner: membership.owner.into() };
+            let role = Ownership::Ghost { owner: membership.owner.into() };
             region.set_role(handle, role, members.without(own), membership.epoch);
         }
         border.shared.set_members(region, handle, members, membership.warming);

@@ -19,7 +19,7 @@ impl PredictedContacts {
         let led = region.held_elsewhere().filter_map(|link| {
             let slot = region.slot(link.handle);
             let rank = slot.led_by.filter(|rank| *rank != region.rank())?;
-            let is_met = slot.role == Ownership::Replica { owner: rank };
+            let is_met = slot.role == Ownership::Ghost { owner: rank };
             (!is_met).then(|| (link, RegionSet::only(rank)))
         });
         let found = self.met_here(region, led, |_| true);

@@ -77,6 +77,9 @@ using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
 using Drive = DcdDrive;
+using Ground = DcdGround;
+using WheelState = DcdWheelState;
+using Cut = DcdCut;
 using ViewTime = DcdViewTime;
 using DrawnShape = DcdDrawnShape;
 using Frame = DcdFrame;
@@ -121,6 +124,7 @@ DCD_STRUCT_(BodyDef, DCD_BODY_DEF_INIT);
 DCD_STRUCT_(CharacterDef, DCD_CHARACTER_DEF_INIT);
 DCD_STRUCT_(Wheel, DCD_WHEEL_INIT);
 DCD_STRUCT_(VehicleDef, DCD_VEHICLE_DEF_INIT);
+DCD_STRUCT_(CharacterState, DCD_CHARACTER_STATE_INIT);
 DCD_STRUCT_(BodyProperties, DCD_BODY_PROPERTIES_INIT);
 DCD_STRUCT_(ColliderProperties, DCD_COLLIDER_PROPERTIES_INIT);
 DCD_STRUCT_(JointMotor, DCD_JOINT_MOTOR_INIT);
@@ -708,6 +712,18 @@ public:
         return got<BodyId>([&](BodyId *out) { return dcd_vehicle_create(world_, &body, &vehicle, out); });
     }
     Status vehicle_drive(BodyId vehicle, const Drive &drive) { return Status(dcd_vehicle_drive(world_, vehicle, &drive)); }
+    /* Returns on what a character stands. */
+    Result<CharacterState> character_state(BodyId character) const
+    {
+        return got<CharacterState>([&](CharacterState *out) { return dcd_character_state(world_, character, out); });
+    }
+    /* Returns where the wheels of a vehicle are, and on what they stand. */
+    Result<std::vector<WheelState>> vehicle_wheels(BodyId vehicle) const
+    {
+        return listed<WheelState>([&](WheelState *out, std::size_t cap, std::size_t *count) {
+            return dcd_vehicle_wheels(world_, vehicle, out, cap, count);
+        });
+    }
     Status body_destroy(BodyId body) { return Status(dcd_body_destroy(world_, body)); }
     Status bodies_destroy(Span<const BodyId> bodies)
     {
@@ -894,6 +910,16 @@ public:
     Status joint_set_frames(JointId joint, const Frame &frame_a, const Frame &frame_b)
     {
         return Status(dcd_joint_set_frames(world_, joint, &frame_a, &frame_b));
+    }
+    /* Leaves frame a as it is. */
+    Status joint_set_frames(JointId joint, std::nullptr_t, const Frame &frame_b)
+    {
+        return Status(dcd_joint_set_frames(world_, joint, nullptr, &frame_b));
+    }
+    /* Leaves frame b as it is. */
+    Status joint_set_frames(JointId joint, const Frame &frame_a, std::nullptr_t)
+    {
+        return Status(dcd_joint_set_frames(world_, joint, &frame_a, nullptr));
     }
     Status joint_set_softness(JointId joint, float natural_frequency, float damping_ratio)
     {

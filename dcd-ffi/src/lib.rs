@@ -53,6 +53,8 @@ pub mod character;
 
 pub mod vehicle;
 
+pub mod standing;
+
 pub mod motion;
 
 pub mod push;

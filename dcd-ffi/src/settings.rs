@@ -1,13 +1,22 @@
 //! Reads and changes how a world is stepped: gravity, length of a step, parameters of the solver.
 
 use dcd::StepSettings;
+use rapier3d::prelude::FrictionModel;
 
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::limits::DCD_MAX_NUMBER;
-use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers};
 use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
+
+/// Model of friction.
+pub type DcdFrictionModel = u32;
+
+/// One friction for each group of up to four points of contact, and one that brakes their turning: Rapier's default, the faster one.
+pub const DCD_FRICTION_SIMPLIFIED: DcdFrictionModel = 0;
+/// Friction at each point of contact. It keeps the momentum of crowds at borders better, and costs more.
+pub const DCD_FRICTION_COULOMB: DcdFrictionModel = 1;
 
 /// Settings by which a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. The struct may grow at its end.
 #[repr(C)]
@@ -49,8 +58,8 @@ pub struct DcdSettings {
     pub ccd_substeps: u32,
     /// Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
     pub tolerance: f32,
-    /// Reserved; must be 0.
-    pub reserved: u32,
+    /// DCD_FRICTION_... constant: how friction is solved.
+    pub friction_model: DcdFrictionModel,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -67,6 +76,9 @@ pub(crate) fn check_speed_limit(limit: f32, or: &str) -> Result<(), Failure> {
         "speed_limit is {limit}; give m/s above 0, up to DCD_MAX_NUMBER ({DCD_MAX_NUMBER}){or}"
     )))
 }
+
+/// All models of friction.
+const FRICTION: [DcdFrictionModel; 2] = [DCD_FRICTION_SIMPLIFIED, DCD_FRICTION_COULOMB];
 
 /// Largest number of iterations and substeps.
 const MOST: u32 = 1000;
@@ -92,13 +104,21 @@ impl DcdSettings {
             internal_iterations: rapier.num_internal_pgs_iterations as u32,
             ccd_substeps: rapier.max_ccd_substeps as u32,
             tolerance: settings.tolerance_m_s,
-            reserved: 0,
+            friction_model: match rapier.friction_model {
+                FrictionModel::Simplified => DCD_FRICTION_SIMPLIFIED,
+                FrictionModel::Coulomb => DCD_FRICTION_COULOMB,
+            },
         }
     }
 
     /// Checks what the world itself does not check. The world refuses the rest.
     fn check(&self) -> Result<(), Failure> {
-        check_reserved(self.reserved)?;
+        if !FRICTION.contains(&self.friction_model) {
+            let given = self.friction_model;
+            return Err(Failure::argument(format!(
+                "friction_model is {given}; give a DCD_FRICTION_ constant"
+            )));
+        }
         check_numbers(&self.gravity, "gravity")?;
         pointer::check_fraction(self.warm_start, "warm_start")?;
         if !(1..=MOST).contains(&self.internal_iterations) {
@@ -147,6 +167,10 @@ impl DcdSettings {
         rapier.warmstart_coefficient = self.warm_start;
         rapier.num_internal_pgs_iterations = self.internal_iterations as usize;
         rapier.max_ccd_substeps = self.ccd_substeps as usize;
+        rapier.friction_model = match self.friction_model {
+            DCD_FRICTION_COULOMB => FrictionModel::Coulomb,
+            _ => FrictionModel::Simplified,
+        };
         settings.with_speed_limit(self.speed_limit)
     }
 }

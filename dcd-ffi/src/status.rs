@@ -208,6 +208,7 @@ impl From<WorldError> for Failure {
             | WorldError::Control(_)
             | WorldError::Setting { .. }
             | WorldError::TooFast { .. }
+            | WorldError::NoCharacter(_)
             | WorldError::NoVehicle(_)
             | WorldError::OtherWorld
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,

@@ -9,7 +9,7 @@ use dcd::{Bounds, Params, Partitioning, Scene, World as Dcd, WorldConfig};
 use crate::fidelity::{self, DcdFidelity};
 use crate::guard::{guard, guard_value};
 use crate::ids::DcdWorld;
-use crate::pointer::{self, Out, Sized32};
+use crate::pointer::{self, Out, Sized32, check_reserved};
 use crate::registry::{self, add, ask};
 use crate::role::{DcdRole, number_of};
 use crate::settings::check_speed_limit;
@@ -45,19 +45,35 @@ pub const DCD_PRESET_GAME: DcdPreset = 2;
 /// Accuracy first: at most 4 exchanges, a depth of 3 hops, every island whole, a tolerance of 0.01 m/s.
 pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 
-/// In DcdWorldDef.axes: planes across x may cut the world into regions.
+/// In DcdWorldDef.axes: planes across x may cut the world into regions. In DcdCut.axis: the plane lies across x.
 pub const DCD_CUT_X: u32 = 1;
-/// In DcdWorldDef.axes: planes across y may cut the world into regions.
+/// In DcdWorldDef.axes: planes across y may cut the world into regions. In DcdCut.axis: the plane lies across y.
 pub const DCD_CUT_Y: u32 = 2;
-/// In DcdWorldDef.axes: planes across z may cut the world into regions.
+/// In DcdWorldDef.axes: planes across z may cut the world into regions. In DcdCut.axis: the plane lies across z.
 pub const DCD_CUT_Z: u32 = 4;
+
+/// Plane that cuts a world into regions.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdCut {
+    /// Position of the plane along its axis, metres.
+    pub at: f64,
+    /// Axis across which the plane lies: DCD_CUT_X, DCD_CUT_Y or DCD_CUT_Z.
+    pub axis: u32,
+    /// Reserved; must be 0.
+    pub reserved: u32,
+}
 
 /// Definition of a local world. Start from DCD_WORLD_DEF_INIT.
 ///
 /// The world is cut into `regions` regions by halving. The largest part of the box from `min` to `max` is halved across its longest
 /// edge, until there are enough parts. The axis along which gravity pulls most is not cut, unless nothing else is left to halve: a
-/// level cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists the result. Cuts near which nothing
-/// lies cost nothing, so place the box around what moves.
+/// level cut goes through all that lies on the ground. `axes` says otherwise, and `cuts` names the planes instead. dcd_regions lists
+/// the result.
+///
+/// A cut costs least where nothing lies near it, so place the box around what moves, or the planes between what moves apart. Each
+/// region costs something all the same: a game of 2,000 bodies takes more processor time in four regions than in one (the manual's
+/// page on regions and couplings says how much).
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldDef {
@@ -107,6 +123,13 @@ pub struct DcdWorldDef {
     /// Limit for `fidelity`, above 0: m/s with DCD_FIDELITY_TOLERANCE, milliseconds with DCD_FIDELITY_BUDGET. With all others it
     /// is 0.
     pub fidelity_limit: f32,
+    /// Planes that cut the world, each through all of it, or null. Each must cut a region that those before it have left. With them,
+    /// `regions` and `axes` must be 0.
+    pub cuts: *const DcdCut,
+    /// Number of `cuts`. There may be 256 regions between them.
+    pub cut_count: u32,
+    /// Reserved; must be 0.
+    pub reserved: u32,
 }
 
 /// Role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
@@ -138,11 +161,11 @@ pub struct DcdWorldInfo {
     pub reserved: u32,
 }
 
-// SAFETY: begins with `struct_size`; every other member is a number.
+// SAFETY: begins with `struct_size`; every other member is a number or a pointer.
 unsafe impl Sized32 for DcdWorldDef {
     const NAME: &'static str = "DcdWorldDef";
 }
-// SAFETY: as above.
+// SAFETY: begins with `struct_size`; every other member is a number.
 unsafe impl Sized32 for DcdWorldInfo {
     const NAME: &'static str = "DcdWorldInfo";
 }
@@ -199,12 +222,40 @@ fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
     })
 }
 
+/// The axes by their bits.
+const AXES: [(u32, Axis); 3] = [(DCD_CUT_X, Axis::X), (DCD_CUT_Y, Axis::Y), (DCD_CUT_Z, Axis::Z)];
+
+/// Returns the plane that a program describes.
+fn plane(cut: &DcdCut) -> Result<(Axis, f64), Failure> {
+    check_reserved(cut.reserved)?;
+    pointer::check_point(&[cut.at, 0.0, 0.0], "cuts[i].at")?;
+    let known = AXES.into_iter().find(|(bit, _)| *bit == cut.axis);
+    let (_, axis) = known.ok_or_else(|| {
+        let given = cut.axis;
+        Failure::argument(format!("cuts[i].axis is {given}; give DCD_CUT_X, DCD_CUT_Y or DCD_CUT_Z"))
+    })?;
+    Ok((axis, cut.at))
+}
+
 /// Returns the cut that a definition names, if it names one.
-fn partitioning(def: &DcdWorldDef) -> Result<Option<Partitioning>, Failure> {
+///
+/// # Safety
+/// `cuts` is valid for reading `cut_count` planes, or that is 0.
+unsafe fn partitioning(def: &DcdWorldDef) -> Result<Option<Partitioning>, Failure> {
+    check_reserved(def.reserved)?;
     pointer::check_bits(def.axes, DCD_CUT_X | DCD_CUT_Y | DCD_CUT_Z, "axes")?;
-    let bits = [(DCD_CUT_X, Axis::X), (DCD_CUT_Y, Axis::Y), (DCD_CUT_Z, Axis::Z)];
+    // SAFETY: the caller upholds the same contract.
+    let cuts = unsafe { pointer::slice(def.cuts, def.cut_count as usize, "cuts")? };
+    if !cuts.is_empty() {
+        if def.regions != 0 || def.axes != 0 {
+            return Err(Failure::argument(
+                "cuts says how to cut, and so does regions or axes; leave these 0",
+            ));
+        }
+        return Ok(Some(Partitioning::Cuts(cuts.iter().map(plane).collect::<Result<_, _>>()?)));
+    }
     let axes: Vec<_> =
-        bits.into_iter().filter(|(bit, _)| def.axes & bit != 0).map(|(_, axis)| axis).collect();
+        AXES.into_iter().filter(|(bit, _)| def.axes & bit != 0).map(|(_, axis)| axis).collect();
     match (def.regions as usize, axes.is_empty()) {
         (0, true) => Ok(None),
         (0, false) => Err(Failure::argument("axes says how to cut, and regions is 0; give their number too")),
@@ -224,7 +275,7 @@ fn limited(step: StepSettings, def: &DcdWorldDef) -> Result<StepSettings, Failur
 
 /// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 ///
-/// `def` is read during the call. `out` receives the handle.
+/// `def` and its `cuts` are read during the call. `out` receives the handle.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT (a member out of range), DCD_ERR_LIMIT (no threads).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut DcdWorld) -> DcdStatus {
@@ -242,7 +293,8 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
         };
         let config = WorldConfig {
             bounds: Bounds::new(def.min, def.max),
-            partitioning: partitioning(&def)?.unwrap_or_default(),
+            // SAFETY: the caller vouches for `cuts`.
+            partitioning: unsafe { partitioning(&def)? }.unwrap_or_default(),
             threads: threads(def.threads),
             step: limited(choice(&def)?.applied_to(step), &def)?,
             fidelity: fidelity::asked(def.fidelity, def.fidelity_limit)?.unwrap_or_default(),
@@ -309,7 +361,8 @@ pub(crate) unsafe fn open(
     let scene = Scene::open(name, &params)?;
     let mut config = WorldConfig { threads: threads(0), ..WorldConfig::for_scene(&scene) };
     let Some(def) = def else { return Ok(Opened { scene, config, user_data: 0 }) };
-    if let Some(cut) = partitioning(&def)? {
+    // SAFETY: the caller upholds the same contract.
+    if let Some(cut) = unsafe { partitioning(&def)? } {
         config.partitioning = cut;
     }
     config.threads = threads(def.threads);

@@ -29,6 +29,7 @@ use dcd_ffi::query::*;
 use dcd_ffi::serve::*;
 use dcd_ffi::settings::*;
 use dcd_ffi::shape_info::*;
+use dcd_ffi::standing::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
 use dcd_ffi::tasks::*;
@@ -67,8 +68,10 @@ fn layouts() -> Vec<Layout> {
         DcdFrame { p, q }
         DcdWorldDef {
             struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data, coupling, preset,
-            exchanges, depth, island_limit, tolerance, axes, speed_limit, fidelity, fidelity_limit
+            exchanges, depth, island_limit, tolerance, axes, speed_limit, fidelity, fidelity_limit, cuts, cut_count,
+            reserved
         }
+        DcdCut { at, axis, reserved }
         DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client, speed_limit, reserved }
         DcdClientDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, interest_centre, interest_radius,
@@ -103,6 +106,9 @@ fn layouts() -> Vec<Layout> {
         }
         DcdVehicleDef { struct_size, wheel_count, wheels, top_speed, reserved }
         DcdDrive { throttle, brake, steering }
+        DcdGround { body, material, point, normal, slope, collider, reserved }
+        DcdCharacterState { struct_size, grounded, sliding, reserved, ground }
+        DcdWheelState { pose, suspension, steering, rolled, spin, ground }
         DcdBodyProperties {
             struct_size, body_type, flags, locked, dominance, linear_damping, angular_damping, gravity_scale, soft_ccd,
             sleep_linear, sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia,
@@ -126,7 +132,7 @@ fn layouts() -> Vec<Layout> {
         DcdSettings {
             struct_size, solver_iterations, gravity, dt, length_unit, speed_limit, contact_frequency, contact_damping,
             static_frequency, static_damping, max_correction, allowed_overlap, contact_margin, warm_start,
-            internal_iterations, ccd_substeps, tolerance, reserved
+            internal_iterations, ccd_substeps, tolerance, friction_model
         }
         DcdProfile {
             struct_size, reserved, rapier, broad_phase, narrow_phase, islands, solver, ccd, border, contact_pairs, contacts,
@@ -218,7 +224,7 @@ const MACROS: &str = "
 /* One region, a thread per core, Earth's gravity, 60 steps per second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f, NULL, 0, 0 }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
@@ -302,6 +308,9 @@ const MACROS: &str = "
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
+#define DCD_CHARACTER_STATE_INIT \\
+    { (uint32_t)sizeof(DcdCharacterState), false, false, { 0, 0 }, \\
+      { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 } }
 #define DCD_SHAPE_INFO_INIT \\
     { (uint32_t)sizeof(DcdShapeInfo), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, 0, 0, 0, 0, 0, 0 }
@@ -468,7 +477,7 @@ fn size_of_member(declaration: &str) -> usize {
         "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
         | "DcdCombineRule" | "DcdDrawFlags" | "DcdDrawnKind" | "DcdConnectionState" | "DcdCause"
-        | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdFidelity" | "DcdShapeKind" => 4,
+        | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdFidelity" | "DcdShapeKind" | "DcdFrictionModel" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name if name.starts_with("Dcd") && name.ends_with("Fn") => size_of::<usize>(),
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,

@@ -106,9 +106,9 @@ pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 pub use fidelity::{Fidelity, FidelityReport};
 #[cfg(feature = "physics")]
 pub use physics::{
-    BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
-    Explosion, Fluid, HookedPair, Inconsistency, LinkSettings, Preset, Profile, StepSettings, Tasks,
-    VehicleController,
+    BodyExtent, BorderView, CharacterHit, CharacterMove, CharacterState, ColliderId, ContactHooks,
+    ContactPoint, Coupling, Explosion, Fluid, Ground, HookedPair, Inconsistency, LinkSettings, Preset,
+    Profile, StepSettings, Tasks, VehicleController, WheelState,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;

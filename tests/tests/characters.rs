@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use dcd::network::JoinRole;
 use dcd::prelude::*;
-use dcd::{Axis, Costs, Refusal, StepSettings};
+use dcd::{Axis, CharacterState, Costs, Refusal, StepSettings};
 use dcd_tests::served::{Served, join};
 
 const G: f32 = 9.81;
@@ -221,6 +221,12 @@ fn it_walks_over_borders_and_stops_at_walls() {
     }
 }
 
+/// Returns whether a character's ground is this body, and as steep, in degrees.
+fn is_on(state: &CharacterState, body: BodyId, degrees: f32) -> bool {
+    let ground = state.ground.filter(|ground| ground.collider == body.into());
+    ground.is_some_and(|ground| (ground.slope_rad.to_degrees() - degrees).abs() < 0.1)
+}
+
 #[test]
 fn it_climbs_steps_and_slopes_as_far_as_it_can() {
     for (name, mut world) in worlds() {
@@ -230,16 +236,27 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
             block(&mut world, [0.2 + 0.5 * f64::from(step), y, 0.3], [0.25, y as f32, 1.0]);
         }
         block(&mut world, [0.5, 0.25, -6.0], [0.5, 0.25, 1.0]);
+        let mut slabs = Vec::new();
         for (z, degrees) in [(6.0, 30.0f32), (12.0, 60.0)] {
             let (sin, cos) = (0.5 * degrees.to_radians()).sin_cos();
             let pose = WorldPose { translation: [0.0, 0.0, z], rotation: [0.0, 0.0, sin, cos] };
             let slab = ColliderBuilder::cuboid(3.0, 0.05, 1.0);
-            world.insert_at(pose, RigidBodyBuilder::fixed(), [slab]).unwrap();
+            slabs.push(world.insert_at(pose, RigidBodyBuilder::fixed(), [slab]).unwrap());
         }
+        let slider = walker(&mut world, [1.0, 3.1, 12.0]);
         let rows = [0.3, -6.0, 6.0, 12.0].map(|z| walker(&mut world, [-3.5, 1.0, z]));
         let mut highest = [0.0f64; 4];
+        let (mut slid, mut climbed) = (0, 0);
         for tick in 0..400 {
+            if tick < 30 {
+                let state = world.character_state(slider).unwrap();
+                assert!(!state.grounded, "{name}: nobody stands on 60 degrees: {state:?}");
+                slid += usize::from(state.sliding && is_on(&state, slabs[1], 60.0));
+            }
+            let state = world.character_state(rows[2]).unwrap();
+            climbed += usize::from(state.grounded && !state.sliding && is_on(&state, slabs[0], 30.0));
             if tick == 30 {
+                world.remove(slider).unwrap();
                 rows.iter().for_each(|&id| go(&mut world, id, [2.0, 0.0, 0.0]));
             }
             run(&mut world, 1);
@@ -249,6 +266,7 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
         }
         let [stair, block, ramp, cliff] = highest.map(|y| y - STANDS_M);
         assert!((stair - 1.0).abs() < 0.1, "{name}: a stair of one metre, {stair}");
+        assert!(slid >= 5 && climbed >= 20, "{name}: for {slid} ticks down 60, for {climbed} up 30 degrees");
         assert!(block < 0.2, "{name}: half a metre is too high, {block}");
         assert!(ramp > 1.0, "{name}: 30 degrees, {ramp}");
         assert!(cliff < 0.3, "{name}: 60 degrees, {cliff}");
@@ -267,14 +285,20 @@ fn it_falls_and_jumps_by_gravity() {
             (fallen - expected).abs() < 0.06,
             "{name}: {fallen} m in half a second, {expected} by gravity"
         );
+        let falls = world.character_state(id).unwrap();
+        assert!(!falls.grounded && !falls.sliding && falls.ground.is_none(), "{name}: {falls:?}");
         run(&mut world, 120);
         assert!((place(&world, id)[1] - STANDS_M).abs() < 0.06, "{name}: {}", place(&world, id)[1]);
+        let stands = world.character_state(id).unwrap();
+        assert!(stands.grounded && is_on(&stands, BodyId::persistent(0), 0.0), "{name}: {stands:?}");
         go(&mut world, id, [1.0, 5.0, 0.0]);
         run(&mut world, 1);
         go(&mut world, id, [1.0, 0.0, 0.0]);
         let mut highest = 0.0f64;
-        for _ in 0..90 {
+        for tick in 0..90 {
             run(&mut world, 1);
+            let rises = world.character_state(id).unwrap();
+            assert!(tick != 5 || !rises.grounded && rises.ground.is_none(), "{name}: {rises:?}");
             highest = highest.max(place(&world, id)[1] - STANDS_M);
         }
         let expected = f64::from(5.0 * 5.0 / (2.0 * G));
@@ -369,6 +393,8 @@ fn it_rides_on_what_moves() {
         let before = off(&world);
         run(&mut world, 150);
         assert!(place(&world, platform)[0] > 1.5, "the test needs it to cross the border");
+        let state = world.character_state(id).unwrap();
+        assert!(state.grounded && is_on(&state, platform, 0.0), "{name}: {state:?}");
         let slipped = off(&world) - before;
         assert!(slipped.abs() < 0.15, "{name}: it slipped by {slipped} m");
         assert!((place(&world, id)[1] - 1.25 - STANDS_M).abs() < 0.06, "{name}");

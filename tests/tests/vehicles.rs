@@ -110,6 +110,29 @@ fn it_drives_as_rapier_s_own_controller_does() {
     }
     let expected = bare.bodies[body].translation().to_array().map(f64::from);
     assert_eq!(place(&world, car), expected);
+    let rolled = controller.wheels().to_vec();
+    // Once more, to see the wheels where the chassis is now.
+    let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, integration_parameters, .. } = &mut bare;
+    let filter = QueryFilter::default().exclude_rigid_body(body).exclude_sensors();
+    let rays = broad_phase.as_query_pipeline_mut(narrow_phase.query_dispatcher(), bodies, colliders, filter);
+    controller.update_vehicle(integration_parameters.dt, rays);
+    for ((state, wheel), rolled) in world.wheels(car).unwrap().iter().zip(controller.wheels()).zip(rolled) {
+        let near = |a: Vector, b: [f32; 3]| (a - Vector::from_array(b)).length() < 1e-3;
+        let info = wheel.raycast_info();
+        let ground = state.ground.expect("it stands on the ground");
+        assert!((state.suspension_m - info.suspension_length).abs() < 1e-4, "{state:?}, {info:?}");
+        assert!(near(wheel.center(), state.pose.translation.map(|v| v as f32)), "{state:?}, {wheel:?}");
+        assert!(near(info.contact_point_ws, ground.point.map(|v| v as f32)), "{state:?}, {info:?}");
+        assert!(near(info.contact_normal_ws, ground.normal) && ground.slope_rad < 1e-3);
+        assert_eq!((state.steering_rad, ground.collider), (rolled.steering, BodyId::persistent(0).into()));
+        let turns = (state.rolled_rad - rolled.rotation) / std::f32::consts::TAU;
+        assert!(rolled.rotation > 10.0 && (turns - turns.round()).abs() < 1e-3, "{state:?}, {rolled:?}");
+        // Its axle is where the controller has it, and what was below it at first has gone round backwards.
+        let turn = Rotation::from_array(state.pose.rotation);
+        assert!(near(turn * Vector::Z, wheel.axle().to_array()), "{state:?}, {wheel:?}");
+        let steered = turn * Rotation::from_axis_angle(Vector::Z, state.rolled_rad);
+        assert!(near(steered * -Vector::Y, wheel.suspension().to_array()), "{state:?}, {wheel:?}");
+    }
     let way = expected[0].hypot(expected[2]);
     assert!(way > 8.0 && expected[2] < -3.0, "it drives, and to the left: {expected:?}");
 }
@@ -117,18 +140,34 @@ fn it_drives_as_rapier_s_own_controller_does() {
 #[test]
 fn it_drives_over_borders_as_in_one_region() {
     let mut ways: Vec<(String, [f64; 3], [f64; 3])> = Vec::new();
+    let mut rolls: Vec<f32> = Vec::new();
     for (name, mut world) in worlds() {
         let car = car_at(&mut world, [0.0, 0.8, 2.2]);
         run(&mut world, 30);
         world.drive(car, Drive { throttle: 0.8, brake: 0.0, steering: 0.25 }).unwrap();
-        let mut lowest = f64::INFINITY;
-        for _ in 0..180 {
+        let (mut lowest, mut rolled_rad) = (f64::INFINITY, 0.0);
+        let mut before = world.wheels(car).unwrap()[3];
+        for tick in 0..180 {
             run(&mut world, 1);
             lowest = lowest.min(place(&world, car)[1]);
+            let wheel = world.wheels(car).unwrap()[3];
+            let turns = (wheel.rolled_rad - before.rolled_rad) / std::f32::consts::TAU;
+            let step_rad = (turns - turns.round()) * std::f32::consts::TAU;
+            let spun_rad = wheel.spin_rad_s * world.dt_s();
+            assert!(
+                (step_rad - spun_rad).abs() < 1e-3,
+                "{name}: it jumps in tick {tick}: {before:?}, {wheel:?}"
+            );
+            let ground = wheel.ground.map(|ground| ground.collider.body);
+            assert_eq!(ground, Some(BodyId::persistent(0)), "{name} in tick {tick}");
+            rolled_rad += step_rad;
+            before = wheel;
         }
         assert!(lowest > 0.55, "{name}: its wheels carry it over the borders, {lowest}");
+        rolls.push(rolled_rad);
         ways.push((name, place(&world, car), world.velocity(car).unwrap().linear.map(f64::from)));
     }
+    assert!(rolls.iter().all(|roll| (roll / rolls[0] - 1.0).abs() < 0.03), "{rolls:?} radians");
     let (_, alone, speed) = ways[0].clone();
     assert!(alone[0] > 8.0 && alone[2] < 0.5, "it crosses both borders: {alone:?}");
     for (name, at, v) in &ways[1..] {

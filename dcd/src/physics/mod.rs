@@ -45,7 +45,9 @@ pub(crate) use articulation::set_motions;
 pub(crate) use articulation::{equip_link, insert_link, motion_of};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
-pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
+pub use control::{
+    CharacterHit, CharacterMove, CharacterState, ControlError, Ground, VehicleController, WheelState,
+};
 pub use extent::BodyExtent;
 pub use forces::{Explosion, Fluid};
 pub(crate) use hits::Hits;

@@ -102,6 +102,9 @@ pub struct Region {
     /// The characters held here.
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
+    /// The speed at which each wheel of a vehicle rolled in its last substep, rad/s; none in the air.
+    #[serde(skip)]
+    spins: BTreeMap<BodyId, Vec<Option<f32>>>,
     /// The number of bodies held here that are met more finely than others, by [`urgency::is_delicate`].
     delicate: usize,
     /// The dynamic bodies that characters held here stood on in their last walk, in order of Rapier's handles.
@@ -195,6 +198,7 @@ impl Region {
             targets: KinematicTargets::default(),
             characters: BTreeMap::new(),
             vehicles: BTreeMap::new(),
+            spins: BTreeMap::new(),
             delicate: 0,
             walked_on: Vec::new(),
             quarantined: Vec::new(),

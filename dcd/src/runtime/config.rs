@@ -154,6 +154,9 @@ pub enum WorldError {
         /// The world's speed limit, m/s ([`StepSettings::speed_limit_m_s`]).
         limit_m_s: f32,
     },
+    /// The body is no character.
+    #[error("{0} is no character; insert it by World::insert_character")]
+    NoCharacter(BodyId),
     /// The body is no vehicle.
     #[error("{0} is no vehicle; insert it by World::insert_vehicle")]
     NoVehicle(BodyId),

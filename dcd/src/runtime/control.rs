@@ -1,11 +1,13 @@
-//! Runs Rapier's character, vehicle and PID controllers in a local world.
+//! Runs Rapier's character, vehicle and PID controllers in a local world, and reads how its characters and vehicles stand.
 
 use rapier3d::control::EffectiveCharacterMovement;
 use rapier3d::prelude::Pose;
 
 use super::config::WorldError;
 use super::local::LocalWorld;
-use crate::physics::{BodyFilter, CharacterHit, CharacterMove, VehicleController};
+use crate::physics::{
+    BodyFilter, CharacterHit, CharacterMove, CharacterState, VehicleController, WheelState,
+};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
@@ -89,6 +91,22 @@ impl LocalWorld {
         self.tape_spoilt();
         self.host_mut().attend(vehicle.chassis())?;
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
+    }
+
+    /// Returns how a character of this world stands after the last step.
+    pub fn character_state(&self, character: BodyId) -> Result<CharacterState, WorldError> {
+        let state = self.host().character_state(character)?;
+        state.ok_or_else(|| self.is_not(WorldError::NoCharacter, character))
+    }
+
+    /// Returns the state of each wheel of a vehicle of this world after the last step.
+    pub fn wheels(&self, vehicle: BodyId) -> Result<Vec<WheelState>, WorldError> {
+        self.host().wheels(vehicle)?.ok_or_else(|| self.is_not(WorldError::NoVehicle, vehicle))
+    }
+
+    /// Returns the error of a body that is here and is not what was asked for, or is not here.
+    fn is_not(&self, other: fn(BodyId) -> WorldError, body: BodyId) -> WorldError {
+        if self.contains(body) { other(body) } else { WorldError::NoBody(body) }
     }
 
     /// Converts a pose from world space into the space of [`LocalWorld::body`], in which Rapier's

@@ -1,5 +1,5 @@
-//! Runs Rapier's character and vehicle controllers in local worlds, converts poses for PID controllers, and
-//! sets contact hooks and the threads of the program.
+//! Runs Rapier's character and vehicle controllers in local worlds, reads how characters and vehicles stand, converts poses for PID
+//! controllers, and sets contact hooks and the threads of the program.
 
 use std::sync::Arc;
 
@@ -8,7 +8,10 @@ use rapier3d::prelude::Pose;
 
 use super::role::Instead;
 use super::{Error, World};
-use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, Tasks, VehicleController};
+use crate::physics::{
+    BodyFilter, CharacterHit, CharacterMove, CharacterState, ContactHooks, Tasks, VehicleController,
+    WheelState,
+};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
@@ -64,6 +67,54 @@ impl World {
         filter: &BodyFilter<'_>,
     ) -> Result<(), Error> {
         Ok(self.local_mut(CONTROL, Instead::DriveAvatars)?.update_vehicle(vehicle, filter)?)
+    }
+
+    /// Returns how a character that was made by [`World::insert_character`] stands after the last step: on what, how
+    /// steep that is, and whether the character slides down it. Local worlds only: a client is told where its
+    /// characters are and no more.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(9.0, 0.5, 9.0))?;
+    /// let (body, shape) = (RigidBodyBuilder::kinematic_velocity_based(), ColliderBuilder::capsule_y(0.5, 0.3));
+    /// let walker = world.insert_character(WorldPose::at([0.0, 1.5, 0.0]), &Character::default(), body, [shape])?;
+    /// assert!(!world.character_state(walker)?.grounded);
+    /// for _ in 0..60 {
+    ///     world.step()?;
+    /// }
+    /// let state = world.character_state(walker)?;
+    /// let ground = state.ground.expect("it has landed");
+    /// assert!(state.grounded && !state.sliding && ground.collider.body == floor && ground.slope_rad < 0.01);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn character_state(&self, character: BodyId) -> Result<CharacterState, Error> {
+        Ok(self.local("tell how a character stands", Instead::SubmitQuery)?.character_state(character)?)
+    }
+
+    /// Returns the state of each wheel of a vehicle that was made by [`World::insert_vehicle`], after the last step and in
+    /// the order of [`Vehicle::wheels`](crate::Vehicle): where to draw it, and on what it stands. Local worlds only: a
+    /// client is told where its vehicles are and no more.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(90.0, 0.5, 90.0))?;
+    /// let chassis = ColliderBuilder::cuboid(1.6, 0.4, 0.8).density(250.0);
+    /// let at = WorldPose::at([0.0, 1.5, 0.0]);
+    /// let car = world.insert_vehicle(at, &Vehicle::default(), RigidBodyBuilder::dynamic(), [chassis])?;
+    /// world.drive(car, Drive { throttle: 1.0, ..Drive::default() })?;
+    /// for _ in 0..60 {
+    ///     world.step()?;
+    /// }
+    /// for wheel in world.wheels(car)? {
+    ///     assert!(wheel.ground.is_some_and(|ground| ground.collider.body == floor) && wheel.spin_rad_s > 1.0);
+    ///     assert!((wheel.pose.translation[1] - 0.5 - 0.35).abs() < 0.01, "its radius above the floor");
+    /// }
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn wheels(&self, vehicle: BodyId) -> Result<Vec<WheelState>, Error> {
+        Ok(self.local("tell how wheels stand", Instead::SubmitQuery)?.wheels(vehicle)?)
     }
 
     /// Converts a pose in world space into the space of [`World::rigid_body`], in which Rapier's

@@ -1142,6 +1142,31 @@ static size_t level_cuts(uint32_t regions, uint32_t axes, float down_x)
     return level;
 }
 
+static void worlds_are_cut_where_planes_say(void)
+{
+    const DcdCut planes[2] = { { 1.5, DCD_CUT_Y, 0 }, { -7.25, DCD_CUT_X, 0 } };
+    const char *params[1] = { "n=3" };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld worlds[2];
+    def.cuts = planes;
+    def.cut_count = 2;
+    OK(dcd_world_create(&def, &worlds[0]));
+    OK(dcd_world_open_scene("tower", params, 1, &def, &worlds[1]));
+    for (int k = 0; k < 2; k++) {
+        DcdRegionInfo all[8];
+        size_t count = 0, level = 0, upright = 0;
+        OK(dcd_regions(worlds[k], all, 8, &count));
+        HOLDS(count == 4);
+        for (size_t i = 0; i < count; i++) {
+            level += all[i].min[1] == 1.5 || all[i].max[1] == 1.5;
+            upright += all[i].min[0] == -7.25 || all[i].max[0] == -7.25;
+            HOLDS(isinf(all[i].min[2]) && isinf(all[i].max[2]));
+        }
+        HOLDS(level == 4 && upright == 4);
+        OK(dcd_world_destroy(worlds[k]));
+    }
+}
+
 static void worlds_are_cut_upright_unless_told_otherwise(void)
 {
     HOLDS(level_cuts(4, 0, 0.0f) == 0);
@@ -2193,6 +2218,7 @@ int main(int count, char **texts)
     joints_are_changed_and_found();
     every_shape_rests_on_every_ground();
     worlds_are_cut_upright_unless_told_otherwise();
+    worlds_are_cut_where_planes_say();
     speed_has_a_limit_that_is_named();
     what_has_no_mass_does_not_hang_in_the_air();
     several_bodies_come_all_or_none();

@@ -1,4 +1,4 @@
-/* A chain across the border of two regions is loaded until its weakest joint is reported and breaks. */
+/* A chain across the border of two regions is loaded until its weakest joint is reported and breaks; a beam, by torque alone. */
 #include "checks.h"
 
 #include <math.h>
@@ -86,9 +86,43 @@ static void chain(uint32_t regions)
     FAILS(dcd_joint_strength_set(world, bottom, 1.0f, 1.0f), DCD_ERR_STALE_ID, "world");
 }
 
+/* A beam sticks out of a wall: its joint bears 50 kg, 491 N, and by a lever of 2 m a torque of 981 N m. */
+static void beam(uint32_t regions)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdJointDef weld = DCD_JOINT_DEF_INIT;
+    DcdWorld world;
+    DcdShapeId shape;
+    DcdJointId joint;
+    DcdJointOverload told;
+    def.regions = regions;
+    OK(dcd_world_create(&def, &world));
+    OK(dcd_shape_sphere(world, 0.3f, &shape));
+    weld.a = ball_at(world, shape, DCD_FIXED, 10.0, 0.0f);
+    weld.b = ball_at(world, shape, DCD_DYNAMIC, 12.0, 50.0f);
+    weld.joint_type = DCD_JOINT_FIXED;
+    weld.frame_b.p[0] = -2.0f; /* so that it lies 2 m beside the wall */
+    weld.user_data = 4;
+    OK(dcd_body_set_pose(world, weld.b, &(DcdPose){ { 2.1, 10.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }));
+    OK(dcd_joint_create(world, &weld, &joint));
+    for (int i = 0; i < 60; i++)
+        OK(dcd_step(world));
+    OK(dcd_joint_strength_set(world, joint, 600.0f, 1100.0f));
+    HOLDS(told_in(world, 30).joint.v == 0);
+    OK(dcd_joint_strength_set(world, joint, 600.0f, 900.0f));
+    told = told_in(world, 1);
+    HOLDS(told.joint.v == joint.v && told.user_data == 4);
+    HOLDS(fabs(told.torque - 981.0) < 50.0 && fabs(told.force - 490.5) < 25.0);
+    OK(dcd_joint_strength_set(world, joint, 400.0f, 1100.0f));
+    HOLDS(told_in(world, 1).joint.v == joint.v);
+    OK(dcd_world_destroy(world));
+}
+
 int main(void)
 {
     chain(1);
     chain(2);
+    beam(1);
+    beam(2);
     return checked();
 }

@@ -17,6 +17,7 @@ int main(void)
     DcdCharacterDef character_def = DCD_CHARACTER_DEF_INIT;
     DcdWheel wheel = DCD_WHEEL_INIT;
     DcdVehicleDef vehicle_def = DCD_VEHICLE_DEF_INIT;
+    DcdCharacterState character_state = DCD_CHARACTER_STATE_INIT;
     DcdJointDef joint_def = DCD_JOINT_DEF_INIT;
     DcdBodyProperties body_properties = DCD_BODY_PROPERTIES_INIT;
     DcdColliderProperties collider_properties = DCD_COLLIDER_PROPERTIES_INIT;
@@ -51,7 +52,7 @@ int main(void)
                    collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + owner.struct_size + state_view.struct_size + view_time.struct_size + debug_draw.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size + character_def.struct_size +
-                   vehicle_def.struct_size + hooks.struct_size + tasks.struct_size + profile.struct_size + explosion.struct_size + fluid.struct_size + settings.struct_size + shape_info.struct_size + body_extent.struct_size + (wheel.radius < 0.0f) ==
+                   vehicle_def.struct_size + character_state.struct_size + hooks.struct_size + tasks.struct_size + profile.struct_size + explosion.struct_size + fluid.struct_size + settings.struct_size + shape_info.struct_size + body_extent.struct_size + (wheel.radius < 0.0f) ==
                0
            ? DCD_VERSION
            : DCD_OK;

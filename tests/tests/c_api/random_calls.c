@@ -296,6 +296,13 @@ static DcdStatus play(void)
                 (void)dcd_vehicle_drive(world, *body, &drive);
             return made;
         }
+        if (dice(4) == 0) {
+            DcdCharacterState state = DCD_CHARACTER_STATE_INIT;
+            DcdWheelState wheels[2];
+            size_t wheel_count;
+            (void)dcd_character_state(world, named, &state);
+            return dcd_vehicle_wheels(world, named, wheels, dice(3), &wheel_count);
+        }
         return dcd_body_create(world, &def, body);
     }
     case 12: {

@@ -131,6 +131,47 @@ static void centimetres(void)
     OK(dcd_world_destroy(world));
 }
 
+/* Where a box comes to that slides and spins on the floor. */
+static DcdPose slid(DcdFrictionModel model)
+{
+    const float slab[3] = { 20.0f, 0.5f, 20.0f }, half[3] = { 0.5f, 0.5f, 1.0f };
+    const DcdVelocity thrown = { { 4.0f, 0.0f, 0.0f }, { 0.0f, 6.0f, 0.0f } };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdWorld world;
+    DcdBodyId box;
+    DcdPose pose = { { 0 }, { 0 } };
+    OK(dcd_world_create(&def, &world));
+    DcdSettings settings = settings_of(world);
+    HOLDS(settings.friction_model == DCD_FRICTION_SIMPLIFIED);
+    settings.friction_model = model;
+    OK(dcd_settings_set(world, &settings));
+    HOLDS(settings_of(world).friction_model == model);
+    OK(dcd_shape_box(world, slab, &body.shape));
+    body.body_type = DCD_FIXED;
+    body.pose.p[1] = -0.5;
+    OK(dcd_body_create(world, &body, &box));
+    body = (DcdBodyDef)DCD_BODY_DEF_INIT;
+    OK(dcd_shape_box(world, half, &body.shape));
+    body.pose.p[1] = 0.5;
+    body.velocity = thrown;
+    OK(dcd_body_create(world, &body, &box));
+    for (int i = 0; i < 90; i++)
+        OK(dcd_step(world));
+    OK(dcd_body_get(world, box, &pose, NULL));
+    HOLDS(pose.p[0] > 0.5 && pose.p[0] < 4.0);
+    OK(dcd_world_destroy(world));
+    return pose;
+}
+
+/* The models of friction stop it at different places, each always at the same. */
+static void friction(void)
+{
+    const DcdPose plain = slid(DCD_FRICTION_SIMPLIFIED), coulomb = slid(DCD_FRICTION_COULOMB), again = slid(DCD_FRICTION_COULOMB);
+    HOLDS(memcmp(&coulomb, &again, sizeof again) == 0);
+    HOLDS(fabs(plain.p[0] - coulomb.p[0]) + fabs(plain.q[1] - coulomb.q[1]) > 1e-3);
+}
+
 /* The times of a step's phases, and the counts of what was computed. */
 static void costs(DcdWorld world)
 {
@@ -264,7 +305,8 @@ static void misuse(DcdWorld world)
     REFUSED(internal_iterations, 0);
     REFUSED(ccd_substeps, 1001);
     REFUSED(tolerance, 0.0f);
-    REFUSED(reserved, 1);
+    REFUSED(friction_model, 2);
+    REFUSED(friction_model, UINT32_MAX);
     bad = settings_of(world);
     HOLDS(memcmp(&bad, &good, sizeof good) == 0);
 }
@@ -280,6 +322,7 @@ int main(void)
     gravity(world);
     steps(world);
     centimetres();
+    friction();
     misuse_of_fidelity(world);
     fidelity(DCD_FIDELITY_OFF, 0.0f);
     fidelity(DCD_FIDELITY_AUTO, 0.0f);

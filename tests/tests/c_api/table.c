@@ -120,6 +120,16 @@ CALL(dcd_vehicle_drive) {
     (void)dcd_vehicle_create(s->world, &def, &vehicle, &id);
     return dcd_vehicle_drive(s->world, id, &drive);
 }
+/* A body that is no character or vehicle is refused only after the role has been checked. */
+CALL(dcd_character_state) {
+    DcdCharacterState state = DCD_CHARACTER_STATE_INIT;
+    DcdStatus status = dcd_character_state(s->world, s->body, &state);
+    return status == DCD_ERR_ARGUMENT ? DCD_OK : status;
+}
+CALL(dcd_vehicle_wheels) {
+    DcdStatus status = dcd_vehicle_wheels(s->world, s->body, NULL, 0, &count);
+    return status == DCD_ERR_ARGUMENT ? DCD_OK : status;
+}
 CALL(dcd_body_destroy) {
     DcdBodyId id = s->body;
     if (s->body.v == s->own.v)
@@ -472,7 +482,7 @@ CALL(dcd_world_destroy) {
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_half_space) of(dcd_shape_segment) of(dcd_shape_round) \
     of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
-    of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
+    of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) of(dcd_character_state) of(dcd_vehicle_wheels) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
     of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
     of(dcd_shape_triangles) of(dcd_shape_heights) of(dcd_shape_part) \

@@ -1,4 +1,5 @@
-/* Current contacts with their points, normals and impulses, and the materials of contacts and hits. */
+/* Current contacts with their points, normals and impulses, the materials of contacts and hits, and what characters and wheels
+ * stand on. */
 #include "checks.h"
 
 #include <math.h>
@@ -18,6 +19,103 @@ static DcdBodyId body_of(DcdWorld world, DcdBodyType type, DcdShapeId shape, dou
     def.flags = type == DCD_DYNAMIC ? DCD_BODY_NO_SLEEP : 0;
     OK(dcd_body_create(world, &def, &body));
     return body;
+}
+
+static DcdCharacterState stance(DcdWorld world, DcdBodyId character)
+{
+    DcdCharacterState state = DCD_CHARACTER_STATE_INIT;
+    OK(dcd_character_state(world, character, &state));
+    HOLDS(state.struct_size == sizeof state && state.reserved[0] == 0 && state.ground.reserved == 0);
+    return state;
+}
+
+/* Somebody lands on a cube, jumps, and lands again. */
+static void a_character(DcdWorld world, DcdBodyId cube)
+{
+    const DcdVelocity jump = { { 0.0f, 4.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, stand = { { 0.0f }, { 0.0f } };
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdCharacterDef walks = DCD_CHARACTER_DEF_INIT;
+    DcdCharacterState state;
+    DcdBodyId person;
+    DcdPose under;
+    OK(dcd_body_get(world, cube, &under, NULL));
+    def.pose = under;
+    def.pose.p[1] += 2.0;
+    def.body_type = DCD_KINEMATIC;
+    OK(dcd_shape_capsule(world, 0.5f, 0.3f, &def.shape));
+    OK(dcd_character_create(world, &def, &walks, &person));
+    state = stance(world, person);
+    HOLDS(!state.grounded && !state.sliding && state.ground.body.v == 0 && state.ground.slope == 0.0f);
+    for (int i = 0; i < 90; i++)
+        OK(dcd_step(world));
+    state = stance(world, person);
+    HOLDS(state.grounded && !state.sliding && state.ground.body.v == cube.v && state.ground.collider == 0);
+    HOLDS(state.ground.material == RUBBER && state.ground.slope < 0.02f && state.ground.normal[1] > 0.999f);
+    HOLDS(fabs(state.ground.point[1] - under.p[1] - 0.5) < 0.03 && fabs(state.ground.point[0] - under.p[0]) < 0.05);
+    OK(dcd_body_set_velocity(world, person, &jump));
+    OK(dcd_step(world));
+    OK(dcd_body_set_velocity(world, person, &stand));
+    for (int i = 0; i < 10; i++)
+        OK(dcd_step(world));
+    state = stance(world, person);
+    HOLDS(!state.grounded && !state.sliding && state.ground.body.v == 0 && state.ground.material == 0);
+    FAILS(dcd_character_state(world, person, NULL), DCD_ERR_NULL, "out");
+    FAILS(dcd_character_state(world, cube, &state), DCD_ERR_ARGUMENT, "no character");
+    state.struct_size = 8;
+    FAILS(dcd_character_state(world, person, &state), DCD_ERR_STRUCT, "DcdCharacterState");
+    OK(dcd_body_destroy(world, person));
+    state.struct_size = sizeof state;
+    FAILS(dcd_character_state(world, person, &state), DCD_ERR_STALE_ID, "body");
+}
+
+/* A car stands on its wheels, rolls off to the left, and is lifted off the ground. */
+static void wheels_of_a_car(DcdWorld world, DcdBodyId floor)
+{
+    const float half[3] = { 1.6f, 0.4f, 0.8f };
+    const DcdDrive left = { 0.5f, 0.0f, 1.0f };
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdVehicleDef vehicle = DCD_VEHICLE_DEF_INIT;
+    DcdWheelState wheels[4], before[4];
+    DcdBodyId car;
+    DcdPose pose;
+    size_t count = 0;
+    def.density = 250.0f;
+    def.pose.p[0] = -8.0;
+    def.pose.p[1] = 1.0;
+    def.pose.p[2] = 8.0;
+    OK(dcd_shape_box(world, half, &def.shape));
+    OK(dcd_vehicle_create(world, &def, &vehicle, &car));
+    for (int i = 0; i < 60; i++)
+        OK(dcd_step(world));
+    OK(dcd_vehicle_wheels(world, car, NULL, 0, &count));
+    HOLDS(count == 4);
+    OK(dcd_vehicle_wheels(world, car, before, 4, &count));
+    for (int i = 0; i < 4; i++) {
+        const DcdWheelState *wheel = &before[i];
+        HOLDS(wheel->ground.body.v == floor.v && wheel->ground.material == ICE && wheel->ground.slope < 0.01f);
+        HOLDS(fabs(wheel->pose.p[1] - 0.35) < 0.01 && fabs(wheel->ground.point[1]) < 0.01 && wheel->ground.normal[1] > 0.999f);
+        HOLDS(wheel->suspension > 0.1f && wheel->suspension < 0.3f && wheel->steering == 0.0f && fabsf(wheel->rolled) < 0.1f);
+        HOLDS(fabs(wheel->pose.p[0] - (i < 2 ? -6.8 : -9.2)) < 0.1 && fabs(wheel->pose.p[2] - (i % 2 ? 8.8 : 7.2)) < 0.1);
+    }
+    OK(dcd_vehicle_drive(world, car, &left));
+    for (int i = 0; i < 30; i++)
+        OK(dcd_step(world));
+    OK(dcd_vehicle_wheels(world, car, wheels, 4, &count));
+    for (int i = 0; i < 4; i++) {
+        HOLDS(wheels[i].spin > 0.5f && wheels[i].rolled > before[i].rolled + 0.1f);
+        HOLDS(fabsf(wheels[i].steering - (i < 2 ? 0.6f : 0.0f)) < 1e-3f);
+    }
+    OK(dcd_body_get(world, car, &pose, NULL));
+    pose.p[1] += 3.0;
+    OK(dcd_body_set_pose(world, car, &pose));
+    OK(dcd_vehicle_wheels(world, car, wheels, 4, &count));
+    HOLDS(wheels[3].ground.body.v == 0 && wheels[3].ground.slope == 0.0f && wheels[3].suspension == 0.3f);
+    FAILS(dcd_vehicle_wheels(world, car, wheels, 3, &count), DCD_ERR_SMALL_BUFFER, "out has room for 3");
+    FAILS(dcd_vehicle_wheels(world, car, NULL, 4, &count), DCD_ERR_NULL, "out");
+    FAILS(dcd_vehicle_wheels(world, car, wheels, 4, NULL), DCD_ERR_NULL, "count");
+    FAILS(dcd_vehicle_wheels(world, floor, wheels, 4, &count), DCD_ERR_ARGUMENT, "no vehicle");
+    OK(dcd_body_destroy(world, car));
+    FAILS(dcd_vehicle_wheels(world, car, wheels, 4, &count), DCD_ERR_STALE_ID, "body");
 }
 
 int main(void)
@@ -145,6 +243,9 @@ int main(void)
         ended |= 1u << contact->collider_b;
     }
     HOLDS(ends == 2 && ended == (1u << 2 | 1u << 3)); /* number 1 still touches: another collider has that number now */
+    OK(dcd_body_destroy(world, crab));
+    a_character(world, high);
+    wheels_of_a_car(world, floor);
 
     /* Misuse. */
     FAILS(dcd_body_contacts(world, low, NULL, 4, &count), DCD_ERR_NULL, "out");

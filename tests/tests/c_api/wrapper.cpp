@@ -57,6 +57,49 @@ static dcd::BodyId add_floor(dcd::World &world)
     return *world.body_create(def);
 }
 
+/* A blast throws a ball up, water bears it, and a function that is asked about contacts lets it fall through the floor. */
+static void effects_are_seen()
+{
+    dcd::World world = make_world();
+    const dcd::BodyId floor = add_floor(world);
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    def.pose.p[1] = 0.5;
+    def.hooks = DCD_HOOK_FILTER;
+    def.flags = DCD_BODY_NO_SLEEP;
+    const dcd::BodyId ball = *world.body_create(def);
+    dcd::Explosion blast;
+    blast.centre[1] = -0.5;
+    blast.impulse = 2000.0f;
+    HOLDS(*world.explode(blast) == 1 && world.body_get(ball)->velocity.linear[1] > 1.0f);
+
+    dcd::Fluid water;
+    water.surface = 10.0;
+    water.density = 2000.0f;
+    HOLDS(world.body_set_velocity(ball, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }));
+    HOLDS(*world.flow(water) == 1 && world.step() && world.body_get(ball)->velocity.linear[1] > 0.1f);
+
+    std::atomic<int> asked{ 0 };
+    dcd::Hooks hooks;
+    hooks.context = &asked;
+    hooks.filter = [](void *context, const dcd::HookedPair *) -> DcdPairAnswer {
+        static_cast<std::atomic<int> *>(context)->fetch_add(1);
+        return DCD_MEET_NOT;
+    };
+    HOLDS(world.hooks_set(hooks) && world.body_set_pose(ball, def.pose));
+    for (int i = 0; i < 30; i++) {
+        HOLDS(world.step());
+    }
+    const int calls = asked.load();
+    HOLDS(calls > 0 && world.body_get(ball)->pose.p[1] < -0.2);
+    HOLDS(world.hooks_clear() && world.body_set_pose(ball, def.pose));
+    HOLDS(world.body_set_velocity(ball, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }));
+    for (int i = 0; i < 30; i++) {
+        HOLDS(world.step());
+    }
+    HOLDS(asked.load() == calls && world.body_get(ball)->pose.p[1] > 0.4 && !world.body_contacts(floor)->empty());
+}
+
 static void a_ball_breaks_a_tower()
 {
     dcd::World world = make_world();
@@ -530,6 +573,12 @@ static void joints_are_looked_at_and_changed()
     HOLDS(world.joint_set_flags(joint, DCD_JOINT_COLLIDE));
     const dcd::JointInfo info = *world.joint_info(joint);
     HOLDS(info.a == tie.a && info.b == tie.b && info.frame_b.p[1] == 2.0f && info.flags == DCD_JOINT_COLLIDE);
+    arm.p[1] = 3.0f;
+    HOLDS(world.joint_set_frames(joint, nullptr, arm) && world.joint_info(joint)->frame_b.p[1] == 3.0f);
+    HOLDS(world.joint_info(joint)->frame_a.p[1] == info.frame_a.p[1]);
+    arm.p[1] = 0.5f;
+    HOLDS(world.joint_set_frames(joint, arm, nullptr) && world.joint_info(joint)->frame_a.p[1] == 0.5f);
+    HOLDS(world.joint_info(joint)->frame_b.p[1] == 3.0f && world.joint_set_frames(joint, tie.frame_a, info.frame_b));
     HOLDS(info.natural_frequency == 50.0f && info.damping_ratio == 2.0f);
     HOLDS(world.joint_strength_set(joint, 0.0f, 0.0f) && world.step());
     HOLDS(world.events()->overloads().size() == 1 && world.events()->overloads()[0].joint == joint);
@@ -540,7 +589,7 @@ static void joints_are_looked_at_and_changed()
 static void a_person_and_a_car_set_off()
 {
     dcd::World world = make_world();
-    add_floor(world);
+    const dcd::BodyId floor = add_floor(world);
     dcd::BodyDef def;
     def.shape = *world.shape_capsule(0.5f, 0.3f);
     def.body_type = DCD_KINEMATIC;
@@ -570,6 +619,12 @@ static void a_person_and_a_car_set_off()
     }
     const double walked = world.body_get(person)->pose.p[0];
     HOLDS(std::fabs(walked - 2.0) < 0.2 && world.body_get(chassis)->pose.p[0] > 0.5);
+    const dcd::CharacterState stance = *world.character_state(person);
+    HOLDS(stance.grounded && !stance.sliding && stance.ground.body == floor);
+    HOLDS(world.character_state(chassis).status().code() == DCD_ERR_ARGUMENT);
+    const std::vector<dcd::WheelState> stands = *world.vehicle_wheels(chassis);
+    HOLDS(stands.size() == 4 && stands[0].ground.body == floor && stands[0].spin > 0.0f && stands[3].rolled != 0.0f);
+    HOLDS(world.vehicle_wheels(person).status().code() == DCD_ERR_ARGUMENT);
 
     dcd::ViewTime time = *world.view_time();
     time.shown = time.predicted = 59.5;
@@ -640,6 +695,7 @@ int main(int argc, char **argv)
         return 2;
     }
     HOLDS(dcd::log_set(nullptr, nullptr, DCD_LOG_OFF));
+    effects_are_seen();
     a_ball_breaks_a_tower();
     joints_and_shapes();
     handles_clean_up();

@@ -5,9 +5,11 @@
 //! owner has it. What the controller does to bodies there is then done to the real ones.
 
 mod character;
+mod standing;
 mod vehicle;
 
 pub use character::{CharacterHit, CharacterMove};
+pub use standing::{CharacterState, Ground, WheelState};
 pub use vehicle::VehicleController;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};

@@ -20,6 +20,7 @@ mod rebuild;
 mod repartition;
 mod replace;
 mod report;
+mod rolling;
 mod rounds;
 mod tasks;
 mod teams;
@@ -127,6 +128,8 @@ pub struct RegionHost {
     /// The handovers since the last step, of regions that caught up: the next step tells of them.
     #[serde(skip)]
     early_handovers: Vec<Handover>,
+    #[serde(skip)]
+    rolls: rolling::Rolls,
 }
 
 impl RegionHost {
@@ -173,6 +176,7 @@ impl RegionHost {
             transfers: 0,
             handovers: Vec::new(),
             early_handovers: Vec::new(),
+            rolls: rolling::Rolls::new(),
         };
         for &region in hosted {
             host.add_region(region);
@@ -351,6 +355,7 @@ impl RegionHost {
         self.conclude();
         // The sort is stable: the handovers of a body that went twice stay in order.
         self.handovers.sort_by_key(|handover| handover.body);
+        self.roll_wheels();
         self.end_tick();
         self.set_rounds(self.rounds_wanted());
         Ok(())

@@ -18,6 +18,7 @@ mod overlap;
 mod point;
 mod ray;
 mod sensor;
+mod touching;
 
 pub use cast::{ShapeHit, WorldMotion};
 pub use check::QueryError;

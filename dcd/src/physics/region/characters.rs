@@ -114,7 +114,7 @@ impl Around {
 
 impl Region {
     /// Returns the gait of a body, if it is a character.
-    pub(super) fn gait(&self, handle: RigidBodyHandle) -> Option<Gait> {
+    pub(in crate::physics) fn gait(&self, handle: RigidBodyHandle) -> Option<Gait> {
         let slot = self.slot(handle);
         slot.traits.character?;
         self.characters.get(&slot.id).map(|walking| walking.gait)

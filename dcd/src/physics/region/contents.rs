@@ -146,6 +146,7 @@ impl Region {
         self.targets.forget(handle);
         self.characters.remove(&id);
         self.vehicles.remove(&id);
+        self.spins.remove(&id);
         self.moved.take();
         self.remove_from_rapier(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;

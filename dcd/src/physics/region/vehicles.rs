@@ -4,11 +4,11 @@
 //! forces of engine, brakes and suspension. Where copies differ, the coupling brings them together as those
 //! of any other body.
 
-use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
+use rapier3d::control::{DynamicRayCastVehicleController, Wheel, WheelTuning};
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Region;
+use super::{Ownership, Region};
 use crate::physics::convert;
 use crate::protocol::{Drive, Vehicle};
 use crate::space::BodyId;
@@ -35,7 +35,7 @@ impl Driving {
 
 impl Region {
     /// Returns what the driver of a vehicle does.
-    pub(super) fn drive(&self, handle: RigidBodyHandle) -> Option<Drive> {
+    pub(in crate::physics) fn drive(&self, handle: RigidBodyHandle) -> Option<Drive> {
         let slot = self.slot(handle);
         slot.traits.vehicle.as_ref()?;
         self.vehicles.get(&slot.id).map(|driving| driving.drive)
@@ -56,6 +56,28 @@ impl Region {
     /// Returns how far the wheels of a body reach from its origin, metres; 0 if it has no wheels.
     pub(in crate::physics) fn wheels_reach_m(&self, handle: RigidBodyHandle) -> f32 {
         self.slot(handle).traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m)
+    }
+
+    /// Returns the groups of what the wheels of a body stand on: those of its first collider that is no sensor.
+    pub(in crate::physics) fn wheel_groups(&self, handle: RigidBodyHandle) -> InteractionGroups {
+        let colliders = self.world.bodies[handle].colliders().iter();
+        let mut colliders = colliders.filter_map(|&collider| self.world.colliders.get(collider));
+        let groups = colliders.find(|collider| !collider.is_sensor());
+        groups.map_or(InteractionGroups::all(), Collider::collision_groups)
+    }
+
+    /// Returns the vehicles owned here, each with the speed at which every wheel rolled in the last substep, rad/s, above
+    /// 0 forward; `None` for a wheel in the air, and for those of a vehicle that has just come. Wheels of a vehicle that
+    /// rests do not roll.
+    pub(in crate::physics) fn wheel_spins(&self) -> impl Iterator<Item = (BodyId, Vec<Option<f32>>)> {
+        self.vehicles.keys().filter_map(|&id| {
+            let handle = self.by_id[&id];
+            let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
+            let vehicle = slot.traits.vehicle.as_ref().filter(|_| slot.role == Ownership::Owner)?;
+            let rests = body.is_sleeping() || !body.is_enabled();
+            let at_rest = || vec![rests.then_some(0.0); vehicle.wheels.len()];
+            Some((id, self.spins.get(&id).filter(|_| !rests).cloned().unwrap_or_else(at_rest)))
+        })
     }
 
     /// Drives all awake vehicles held here for a substep of this length, in id order.
@@ -86,15 +108,17 @@ impl Region {
             return;
         }
         let share = self.share_of(handle) as f32;
-        let colliders = body.colliders().iter().filter_map(|&collider| self.world.colliders.get(collider));
-        let groups = colliders.into_iter().find(|collider| !collider.is_sensor());
-        let groups = groups.map_or(InteractionGroups::all(), Collider::collision_groups);
+        let groups = self.wheel_groups(handle);
         let filter = QueryFilter::default().exclude_rigid_body(handle).exclude_sensors().groups(groups);
         let mut controller = controller(vehicle, handle, body, drive, share, dt_s);
         let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = self.world_mut();
         let rays =
             broad_phase.as_query_pipeline_mut(narrow_phase.query_dispatcher(), bodies, colliders, filter);
         controller.update_vehicle(dt_s, rays);
+        // The controller is new, so that its wheels have rolled since the substep began.
+        let spin = |wheel: &Wheel| wheel.raycast_info().is_in_contact.then_some(wheel.rotation / dt_s);
+        let spins = controller.wheels().iter().map(spin).collect();
+        self.spins.insert(self.slot(handle).id, spins);
     }
 }
 

@@ -187,6 +187,8 @@ fn it_falls_onto_a_half_space_as_onto_a_box_and_walks_there() {
             }
             let [x, ..] = place(&world, id);
             assert!((x - 2.0).abs() < 0.1, "{cuts} cuts: it has come to {x}");
+            let state = world.character_state(id).unwrap();
+            assert!(state.grounded && is_on(&state, BodyId::persistent(0), 0.0), "{cuts} cuts: {state:?}");
             stands
         });
         let apart_m = (on_half_space - on_slab).abs();

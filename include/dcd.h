@@ -119,13 +119,13 @@
 // DcdBodyInfo.region of a fixed body, which has no owner.
 #define DCD_NO_REGION UINT32_MAX
 
-// In DcdWorldDef.axes: planes across x may cut the world into regions.
+// In DcdWorldDef.axes: planes across x may cut the world into regions. In DcdCut.axis: the plane lies across x.
 #define DCD_CUT_X 1
 
-// In DcdWorldDef.axes: planes across y may cut the world into regions.
+// In DcdWorldDef.axes: planes across y may cut the world into regions. In DcdCut.axis: the plane lies across y.
 #define DCD_CUT_Y 2
 
-// In DcdWorldDef.axes: planes across z may cut the world into regions.
+// In DcdWorldDef.axes: planes across z may cut the world into regions. In DcdCut.axis: the plane lies across z.
 #define DCD_CUT_Z 4
 
 // In DcdServerDef.flags: the server begins anew, and forgets a world that the data folder holds.
@@ -386,12 +386,26 @@ typedef uint32_t DcdPreset;
 // Fidelity: how much of a world is computed in full. Regions that nobody looks at may be stepped once per two or four steps.
 typedef uint32_t DcdFidelity;
 
+// Plane that cuts a world into regions.
+typedef struct DcdCut {
+    // Position of the plane along its axis, metres.
+    double at;
+    // Axis across which the plane lies: DCD_CUT_X, DCD_CUT_Y or DCD_CUT_Z.
+    uint32_t axis;
+    // Reserved; must be 0.
+    uint32_t reserved;
+} DcdCut;
+
 // Definition of a local world. Start from DCD_WORLD_DEF_INIT.
 //
 // The world is cut into `regions` regions by halving. The largest part of the box from `min` to `max` is halved across its longest
 // edge, until there are enough parts. The axis along which gravity pulls most is not cut, unless nothing else is left to halve: a
-// level cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists the result. Cuts near which nothing
-// lies cost nothing, so place the box around what moves.
+// level cut goes through all that lies on the ground. `axes` says otherwise, and `cuts` names the planes instead. dcd_regions lists
+// the result.
+//
+// A cut costs least where nothing lies near it, so place the box around what moves, or the planes between what moves apart. Each
+// region costs something all the same: a game of 2,000 bodies takes more processor time in four regions than in one (the manual's
+// page on regions and couplings says how much).
 typedef struct DcdWorldDef {
     // Size of this struct: sizeof(DcdWorldDef).
     uint32_t struct_size;
@@ -439,6 +453,13 @@ typedef struct DcdWorldDef {
     // Limit for `fidelity`, above 0: m/s with DCD_FIDELITY_TOLERANCE, milliseconds with DCD_FIDELITY_BUDGET. With all others it
     // is 0.
     float fidelity_limit;
+    // Planes that cut the world, each through all of it, or null. Each must cut a region that those before it have left. With them,
+    // `regions` and `axes` must be 0.
+    const DcdCut *cuts;
+    // Number of `cuts`. There may be 256 regions between them.
+    uint32_t cut_count;
+    // Reserved; must be 0.
+    uint32_t reserved;
 } DcdWorldDef;
 
 // Handle of a world of any role. 0 is null.
@@ -865,6 +886,54 @@ typedef struct DcdDrive {
     float steering;
 } DcdDrive;
 
+// Ground under a character or a wheel. Where there is none, `body` is null and all else is 0.
+typedef struct DcdGround {
+    // Body that is the ground.
+    DcdBodyId body;
+    // user_data of its collider there, such as the number of a material.
+    uint64_t material;
+    // Point on its surface, world space, metres.
+    double point[3];
+    // Normal there, out of the ground, of length 1.
+    float normal[3];
+    // Angle between the normal and the direction against gravity, radians: 0 on level ground.
+    float slope;
+    // Number of the collider, from 0.
+    uint32_t collider;
+    // Reserved; always 0.
+    uint32_t reserved;
+} DcdGround;
+
+// Stance of a character after the last step. Start from DCD_CHARACTER_STATE_INIT. The struct may grow at its end.
+typedef struct DcdCharacterState {
+    // Size of this struct: sizeof(DcdCharacterState).
+    uint32_t struct_size;
+    // Whether the character stands on something. Only then can it jump.
+    bool grounded;
+    // Whether the character slides down ground that is steeper than its min_slide.
+    bool sliding;
+    // Reserved; always 0.
+    uint8_t reserved[2];
+    // Flattest ground that the character touches; none in the air, and where what it stood on has gone in the same step.
+    DcdGround ground;
+} DcdCharacterState;
+
+// State of a wheel after the last step: where to draw it, and on what it stands.
+typedef struct DcdWheelState {
+    // Centre of the wheel in world space, and its rotation: that of the chassis, then steered, then rolled.
+    DcdPose pose;
+    // Length of the suspension, from DcdWheel.at to the centre of the wheel, metres.
+    float suspension;
+    // Angle by which the wheel is steered about its suspension, radians; above 0 to the left.
+    float steering;
+    // Angle by which the wheel has rolled forward, radians, -pi to pi; 0 at first, and after dcd_snapshot_load.
+    float rolled;
+    // Speed at which the wheel rolls forward, rad/s. In the air it slows down by 1 % per step.
+    float spin;
+    // Ground on which the wheel stands; none in the air.
+    DcdGround ground;
+} DcdWheelState;
+
 // State of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 typedef struct DcdBodyInfo {
     // Size of this struct: sizeof(DcdBodyInfo).
@@ -1210,6 +1279,9 @@ typedef struct DcdTasks {
     DcdFinishFn finish;
 } DcdTasks;
 
+// Model of friction.
+typedef uint32_t DcdFrictionModel;
+
 // Settings by which a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. The struct may grow at its end.
 typedef struct DcdSettings {
     // Size of this struct: sizeof(DcdSettings).
@@ -1248,8 +1320,8 @@ typedef struct DcdSettings {
     uint32_t ccd_substeps;
     // Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
     float tolerance;
-    // Reserved; must be 0.
-    uint32_t reserved;
+    // DCD_FRICTION_... constant: how friction is solved.
+    DcdFrictionModel friction_model;
 } DcdSettings;
 
 // State of every movable body after a step. Entry i of each array belongs to ids[i]. The order only changes where bodies are made
@@ -2350,6 +2422,12 @@ typedef struct DcdForce {
 // Stiffness and damping are not per unit of mass: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
 #define DCD_MOTOR_FORCE 1
 
+// One friction for each group of up to four points of contact, and one that brakes their turning: Rapier's default, the faster one.
+#define DCD_FRICTION_SIMPLIFIED 0
+
+// Friction at each point of contact. It keeps the momentum of crowds at borders better, and costs more.
+#define DCD_FRICTION_COULOMB 1
+
 // The pose: a DcdPose.
 #define DCD_FIELD_POSE 0
 
@@ -2554,7 +2632,7 @@ DCD_API DcdStatus dcd_allocator_set(DcdAllocateFn allocate, DcdFreeFn free, void
 
 // Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 //
-// `def` is read during the call. `out` receives the handle.
+// `def` and its `cuts` are read during the call. `out` receives the handle.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT (a member out of range), DCD_ERR_LIMIT (no threads).
 DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 
@@ -2936,6 +3014,31 @@ DCD_API
 DcdStatus dcd_vehicle_drive(DcdWorld world,
                             DcdBodyId vehicle,
                             const DcdDrive *drive);
+
+// Reads how a character of a local world stands after the last step: whether it is on the ground, on what, how steep that is, and
+// whether it slides down it. A character that has just been created is in the air until the next step.
+//
+// Errors:
+// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+// - DCD_ERR_ARGUMENT: a body that is no character (dcd_character_create).
+// - DCD_ERR_UNSUPPORTED: in a served world, which tells where characters are and no more. Submit a ray or a cast downwards there.
+DCD_API DcdStatus dcd_character_state(DcdWorld world, DcdBodyId character, DcdCharacterState *out);
+
+// Reads the state of each wheel of a vehicle of a local world after the last step, in the order of DcdVehicleDef.wheels: where to
+// draw it, and on what it stands. Each call casts a ray for every wheel.
+//
+// Writes the wheels to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
+// number.
+// Errors:
+// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not).
+// - DCD_ERR_ARGUMENT: a body that is no vehicle (dcd_vehicle_create).
+// - DCD_ERR_UNSUPPORTED: in a served world, which tells where vehicles are and no more. Submit a ray for each wheel there.
+DCD_API
+DcdStatus dcd_vehicle_wheels(DcdWorld world,
+                             DcdBodyId vehicle,
+                             DcdWheelState *out,
+                             size_t cap,
+                             size_t *count);
 
 // Reads the type, mass, owner, forces and sleep of a body.
 //
@@ -4264,7 +4367,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 /* One region, a thread per core, Earth's gravity, 60 steps per second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f, NULL, 0, 0 }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
@@ -4348,6 +4451,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
+#define DCD_CHARACTER_STATE_INIT \
+    { (uint32_t)sizeof(DcdCharacterState), false, false, { 0, 0 }, \
+      { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 } }
 #define DCD_SHAPE_INFO_INIT \
     { (uint32_t)sizeof(DcdShapeInfo), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, 0, 0, 0, 0, 0, 0 }
@@ -4418,7 +4524,7 @@ DCD_ASSERT_(offsetof(DcdVelocity, angular) == 12);
 DCD_ASSERT_(sizeof(DcdFrame) == 28);
 DCD_ASSERT_(offsetof(DcdFrame, p) == 0);
 DCD_ASSERT_(offsetof(DcdFrame, q) == 12);
-DCD_ASSERT_(sizeof(DcdWorldDef) == 128);
+DCD_ASSERT_(sizeof(DcdWorldDef) == 144);
 DCD_ASSERT_(offsetof(DcdWorldDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldDef, threads) == 4);
 DCD_ASSERT_(offsetof(DcdWorldDef, regions) == 8);
@@ -4438,6 +4544,13 @@ DCD_ASSERT_(offsetof(DcdWorldDef, axes) == 112);
 DCD_ASSERT_(offsetof(DcdWorldDef, speed_limit) == 116);
 DCD_ASSERT_(offsetof(DcdWorldDef, fidelity) == 120);
 DCD_ASSERT_(offsetof(DcdWorldDef, fidelity_limit) == 124);
+DCD_ASSERT_(offsetof(DcdWorldDef, cuts) == 128);
+DCD_ASSERT_(offsetof(DcdWorldDef, cut_count) == 136);
+DCD_ASSERT_(offsetof(DcdWorldDef, reserved) == 140);
+DCD_ASSERT_(sizeof(DcdCut) == 16);
+DCD_ASSERT_(offsetof(DcdCut, at) == 0);
+DCD_ASSERT_(offsetof(DcdCut, axis) == 8);
+DCD_ASSERT_(offsetof(DcdCut, reserved) == 12);
 DCD_ASSERT_(sizeof(DcdWorldInfo) == 56);
 DCD_ASSERT_(offsetof(DcdWorldInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldInfo, role) == 4);
@@ -4589,6 +4702,27 @@ DCD_ASSERT_(sizeof(DcdDrive) == 12);
 DCD_ASSERT_(offsetof(DcdDrive, throttle) == 0);
 DCD_ASSERT_(offsetof(DcdDrive, brake) == 4);
 DCD_ASSERT_(offsetof(DcdDrive, steering) == 8);
+DCD_ASSERT_(sizeof(DcdGround) == 64);
+DCD_ASSERT_(offsetof(DcdGround, body) == 0);
+DCD_ASSERT_(offsetof(DcdGround, material) == 8);
+DCD_ASSERT_(offsetof(DcdGround, point) == 16);
+DCD_ASSERT_(offsetof(DcdGround, normal) == 40);
+DCD_ASSERT_(offsetof(DcdGround, slope) == 52);
+DCD_ASSERT_(offsetof(DcdGround, collider) == 56);
+DCD_ASSERT_(offsetof(DcdGround, reserved) == 60);
+DCD_ASSERT_(sizeof(DcdCharacterState) == 72);
+DCD_ASSERT_(offsetof(DcdCharacterState, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdCharacterState, grounded) == 4);
+DCD_ASSERT_(offsetof(DcdCharacterState, sliding) == 5);
+DCD_ASSERT_(offsetof(DcdCharacterState, reserved) == 6);
+DCD_ASSERT_(offsetof(DcdCharacterState, ground) == 8);
+DCD_ASSERT_(sizeof(DcdWheelState) == 120);
+DCD_ASSERT_(offsetof(DcdWheelState, pose) == 0);
+DCD_ASSERT_(offsetof(DcdWheelState, suspension) == 40);
+DCD_ASSERT_(offsetof(DcdWheelState, steering) == 44);
+DCD_ASSERT_(offsetof(DcdWheelState, rolled) == 48);
+DCD_ASSERT_(offsetof(DcdWheelState, spin) == 52);
+DCD_ASSERT_(offsetof(DcdWheelState, ground) == 56);
 DCD_ASSERT_(sizeof(DcdBodyProperties) == 96);
 DCD_ASSERT_(offsetof(DcdBodyProperties, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyProperties, body_type) == 4);
@@ -4695,7 +4829,7 @@ DCD_ASSERT_(offsetof(DcdSettings, warm_start) == 60);
 DCD_ASSERT_(offsetof(DcdSettings, internal_iterations) == 64);
 DCD_ASSERT_(offsetof(DcdSettings, ccd_substeps) == 68);
 DCD_ASSERT_(offsetof(DcdSettings, tolerance) == 72);
-DCD_ASSERT_(offsetof(DcdSettings, reserved) == 76);
+DCD_ASSERT_(offsetof(DcdSettings, friction_model) == 76);
 DCD_ASSERT_(sizeof(DcdProfile) == 112);
 DCD_ASSERT_(offsetof(DcdProfile, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdProfile, reserved) == 4);

@@ -111,6 +111,11 @@ typedef void (*DcdFreeFn)(void *context, void *block, size_t size, size_t alignm
 typedef uint32_t DcdCoupling;
 typedef uint32_t DcdPreset;
 typedef uint32_t DcdFidelity;
+typedef struct DcdCut {
+    double at;
+    uint32_t axis;
+    uint32_t reserved;
+} DcdCut;
 typedef struct DcdWorldDef {
     uint32_t struct_size;
     uint32_t threads;
@@ -131,6 +136,9 @@ typedef struct DcdWorldDef {
     float speed_limit;
     DcdFidelity fidelity;
     float fidelity_limit;
+    const DcdCut *cuts;
+    uint32_t cut_count;
+    uint32_t reserved;
 } DcdWorldDef;
 typedef struct DcdWorld {
     uint64_t v;
@@ -318,6 +326,30 @@ typedef struct DcdDrive {
     float brake;
     float steering;
 } DcdDrive;
+typedef struct DcdGround {
+    DcdBodyId body;
+    uint64_t material;
+    double point[3];
+    float normal[3];
+    float slope;
+    uint32_t collider;
+    uint32_t reserved;
+} DcdGround;
+typedef struct DcdCharacterState {
+    uint32_t struct_size;
+    bool grounded;
+    bool sliding;
+    uint8_t reserved[2];
+    DcdGround ground;
+} DcdCharacterState;
+typedef struct DcdWheelState {
+    DcdPose pose;
+    float suspension;
+    float steering;
+    float rolled;
+    float spin;
+    DcdGround ground;
+} DcdWheelState;
 typedef struct DcdBodyInfo {
     uint32_t struct_size;
     DcdBodyType body_type;
@@ -479,6 +511,7 @@ typedef struct DcdTasks {
     DcdEnqueueFn enqueue;
     DcdFinishFn finish;
 } DcdTasks;
+typedef uint32_t DcdFrictionModel;
 typedef struct DcdSettings {
     uint32_t struct_size;
     uint32_t solver_iterations;
@@ -497,7 +530,7 @@ typedef struct DcdSettings {
     uint32_t internal_iterations;
     uint32_t ccd_substeps;
     float tolerance;
-    uint32_t reserved;
+    DcdFrictionModel friction_model;
 } DcdSettings;
 typedef struct DcdStateView {
     uint32_t struct_size;
@@ -971,6 +1004,8 @@ typedef struct DcdForce {
 #define DCD_AXIS_TURN_Z 5
 #define DCD_MOTOR_ACCELERATION 0
 #define DCD_MOTOR_FORCE 1
+#define DCD_FRICTION_SIMPLIFIED 0
+#define DCD_FRICTION_COULOMB 1
 #define DCD_FIELD_POSE 0
 #define DCD_FIELD_VELOCITY 1
 #define DCD_FIELD_USER_DATA 2
@@ -1026,14 +1061,12 @@ DCD_API const char *dcd_status_string(DcdStatus status);
 DCD_API
 const char *dcd_refused_string(uint32_t reason);
 DCD_API size_t dcd_last_error(char *buf, size_t cap);
-DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
 DCD_API
-DcdStatus dcd_bug_set(DcdBugFn function,
-                      void *context);
-DCD_API
-DcdStatus dcd_allocator_set(DcdAllocateFn allocate,
-                            DcdFreeFn free,
-                            void *context);
+DcdStatus dcd_log_set(DcdLogFn function,
+                      void *user,
+                      DcdLogLevel most);
+DCD_API DcdStatus dcd_bug_set(DcdBugFn function, void *context);
+DCD_API DcdStatus dcd_allocator_set(DcdAllocateFn allocate, DcdFreeFn free, void *context);
 DCD_API DcdStatus dcd_world_create(const DcdWorldDef *def, DcdWorld *out);
 DCD_API
 DcdStatus dcd_world_open_scene(const char *name_or_path,
@@ -1041,7 +1074,8 @@ DcdStatus dcd_world_open_scene(const char *name_or_path,
                                size_t param_count,
                                const DcdWorldDef *def,
                                DcdWorld *out);
-DCD_API DcdStatus dcd_world_destroy(DcdWorld world);
+DCD_API
+DcdStatus dcd_world_destroy(DcdWorld world);
 DCD_API bool dcd_world_is_valid(DcdWorld world);
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 DCD_API
@@ -1049,9 +1083,7 @@ DcdStatus dcd_client_connect(const DcdClientDef *def,
                              DcdWorld *out);
 DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *out);
 DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
-DCD_API
-DcdStatus dcd_server_create(const DcdServerDef *def,
-                            DcdWorld *out);
+DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
 DCD_API DcdStatus dcd_server_suspend(DcdWorld world);
 DCD_API
 DcdStatus dcd_token_create(DcdWorld world,
@@ -1061,11 +1093,7 @@ DcdStatus dcd_token_create(DcdWorld world,
                            size_t cap,
                            size_t *needed);
 DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
-DCD_API
-DcdStatus dcd_metrics_address(DcdWorld world,
-                              char *buf,
-                              size_t cap,
-                              size_t *needed);
+DCD_API DcdStatus dcd_metrics_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
 DCD_API
 DcdStatus dcd_node_join(const DcdNodeDef *def,
                         DcdWorld *out);
@@ -1093,10 +1121,7 @@ DcdStatus dcd_shape_heightfield(DcdWorld world,
                                 size_t columns,
                                 const float *scale,
                                 DcdShapeId *out);
-DCD_API
-DcdStatus dcd_shape_half_space(DcdWorld world,
-                               const float *normal,
-                               DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_half_space(DcdWorld world, const float *normal, DcdShapeId *out);
 DCD_API
 DcdStatus dcd_shape_segment(DcdWorld world,
                             const float *a,
@@ -1113,11 +1138,7 @@ DcdStatus dcd_shape_compound(DcdWorld world,
                              const DcdFrame *frames,
                              size_t count,
                              DcdShapeId *out);
-DCD_API
-DcdStatus dcd_shape_scale(DcdWorld world,
-                          DcdShapeId shape,
-                          const float *scale,
-                          DcdShapeId *out);
+DCD_API DcdStatus dcd_shape_scale(DcdWorld world, DcdShapeId shape, const float *scale, DcdShapeId *out);
 DCD_API DcdStatus dcd_shape_destroy(DcdWorld world, DcdShapeId shape);
 DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBodyId *out);
 DCD_API
@@ -1143,25 +1164,20 @@ DCD_API
 DcdStatus dcd_vehicle_drive(DcdWorld world,
                             DcdBodyId vehicle,
                             const DcdDrive *drive);
+DCD_API DcdStatus dcd_character_state(DcdWorld world, DcdBodyId character, DcdCharacterState *out);
+DCD_API
+DcdStatus dcd_vehicle_wheels(DcdWorld world,
+                             DcdBodyId vehicle,
+                             DcdWheelState *out,
+                             size_t cap,
+                             size_t *count);
 DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out);
 DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
-DCD_API
-DcdStatus dcd_pose_interpolate(const DcdPose *from,
-                               const DcdPose *to,
-                               double t,
-                               DcdPose *out);
-DCD_API
-DcdStatus dcd_body_set_pose(DcdWorld world,
-                            DcdBodyId body,
-                            const DcdPose *pose);
+DCD_API DcdStatus dcd_pose_interpolate(const DcdPose *from, const DcdPose *to, double t, DcdPose *out);
+DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
-DCD_API
-DcdStatus dcd_body_set_target(DcdWorld world,
-                              DcdBodyId body,
-                              const DcdPose *pose);
-DCD_API
-DcdStatus dcd_body_wake(DcdWorld world,
-                        DcdBodyId body);
+DCD_API DcdStatus dcd_body_set_target(DcdWorld world, DcdBodyId body, const DcdPose *pose);
+DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
 DCD_API DcdStatus dcd_body_sleep(DcdWorld world, DcdBodyId body);
 DCD_API
 DcdStatus dcd_body_apply_impulse(DcdWorld world,
@@ -1169,20 +1185,9 @@ DcdStatus dcd_body_apply_impulse(DcdWorld world,
                                  const float *impulse,
                                  const double *point);
 DCD_API DcdStatus dcd_body_apply_torque_impulse(DcdWorld world, DcdBodyId body, const float *impulse);
-DCD_API
-DcdStatus dcd_body_set_force(DcdWorld world,
-                             DcdBodyId body,
-                             const float *force,
-                             const float *torque);
-DCD_API
-DcdStatus dcd_body_add_force(DcdWorld world,
-                             DcdBodyId body,
-                             const float *force,
-                             const double *point);
-DCD_API
-DcdStatus dcd_explode(DcdWorld world,
-                      const DcdExplosion *explosion,
-                      size_t *pushed);
+DCD_API DcdStatus dcd_body_set_force(DcdWorld world, DcdBodyId body, const float *force, const float *torque);
+DCD_API DcdStatus dcd_body_add_force(DcdWorld world, DcdBodyId body, const float *force, const double *point);
+DCD_API DcdStatus dcd_explode(DcdWorld world, const DcdExplosion *explosion, size_t *pushed);
 DCD_API
 DcdStatus dcd_flow(DcdWorld world,
                    const DcdFluid *fluid,
@@ -1240,33 +1245,26 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t groups,
                               uint32_t mask);
 DCD_API DcdStatus dcd_shape_info(DcdWorld world, DcdShapeId shape, DcdShapeInfo *out);
-DCD_API
-DcdStatus dcd_shape_vertices(DcdWorld world,
-                             DcdShapeId shape,
-                             float *xyz,
-                             size_t cap,
-                             size_t *count);
+DCD_API DcdStatus dcd_shape_vertices(DcdWorld world, DcdShapeId shape, float *xyz, size_t cap, size_t *count);
 DCD_API
 DcdStatus dcd_shape_triangles(DcdWorld world,
                               DcdShapeId shape,
                               uint32_t *indices,
                               size_t cap,
                               size_t *count);
-DCD_API DcdStatus dcd_shape_heights(DcdWorld world, DcdShapeId shape, float *heights, size_t cap, size_t *count);
+DCD_API
+DcdStatus dcd_shape_heights(DcdWorld world,
+                            DcdShapeId shape,
+                            float *heights,
+                            size_t cap,
+                            size_t *count);
 DCD_API
 DcdStatus dcd_bodies(DcdWorld world,
                      DcdBodyId *out,
                      size_t cap,
                      size_t *count);
-DCD_API
-DcdStatus dcd_body_extent(DcdWorld world,
-                          DcdBodyId body,
-                          DcdBodyExtent *out);
-DCD_API
-DcdStatus dcd_collider_shape(DcdWorld world,
-                             DcdBodyId body,
-                             uint32_t collider,
-                             DcdShapeId *out);
+DCD_API DcdStatus dcd_body_extent(DcdWorld world, DcdBodyId body, DcdBodyExtent *out);
+DCD_API DcdStatus dcd_collider_shape(DcdWorld world, DcdBodyId body, uint32_t collider, DcdShapeId *out);
 DCD_API
 DcdStatus dcd_shape_part(DcdWorld world,
                          DcdShapeId shape,
@@ -1280,13 +1278,21 @@ DcdStatus dcd_joint_create(DcdWorld world,
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 DCD_API bool dcd_joint_is_valid(DcdWorld world, DcdJointId joint);
 DCD_API DcdStatus dcd_joint_info(DcdWorld world, DcdJointId joint, DcdJointInfo *out);
-DCD_API DcdStatus dcd_joint_set_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, const float *limit);
+DCD_API
+DcdStatus dcd_joint_set_limit(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              const float *limit);
 DCD_API
 DcdStatus dcd_joint_set_motor(DcdWorld world,
                               DcdJointId joint,
                               DcdJointAxis axis,
                               const DcdJointMotor *motor);
-DCD_API DcdStatus dcd_joint_get_limit(DcdWorld world, DcdJointId joint, DcdJointAxis axis, float *out);
+DCD_API
+DcdStatus dcd_joint_get_limit(DcdWorld world,
+                              DcdJointId joint,
+                              DcdJointAxis axis,
+                              float *out);
 DCD_API
 DcdStatus dcd_joint_get_motor(DcdWorld world,
                               DcdJointId joint,
@@ -1321,9 +1327,7 @@ DCD_API
 DcdStatus dcd_tasks_set(DcdWorld world,
                         const DcdTasks *tasks);
 DCD_API DcdStatus dcd_settings(DcdWorld world, DcdSettings *out);
-DCD_API
-DcdStatus dcd_settings_set(DcdWorld world,
-                           const DcdSettings *settings);
+DCD_API DcdStatus dcd_settings_set(DcdWorld world, const DcdSettings *settings);
 DCD_API DcdStatus dcd_gravity_set(DcdWorld world, const float *gravity);
 DCD_API
 DcdStatus dcd_state_view(DcdWorld world,
@@ -1357,24 +1361,18 @@ DCD_API
 DcdStatus dcd_view_state(DcdWorld world,
                          const DcdViewTime *time,
                          DcdStateView *out);
-DCD_API
-DcdStatus dcd_debug_draw(DcdWorld world,
-                         const DcdViewTime *time,
-                         const DcdDebugDraw *draw);
+DCD_API DcdStatus dcd_debug_draw(DcdWorld world, const DcdViewTime *time, const DcdDebugDraw *draw);
 DCD_API
 DcdStatus dcd_gltf_save_file(DcdWorld world,
                              const char *path);
-DCD_API
-DcdStatus dcd_prediction_set(DcdWorld world,
-                             bool predicts);
+DCD_API DcdStatus dcd_prediction_set(DcdWorld world, bool predicts);
 DCD_API DcdStatus dcd_prediction(DcdWorld world, DcdPrediction *out);
 DCD_API DcdStatus dcd_connections(DcdWorld world, DcdConnectionId *out, size_t cap, size_t *count);
 DCD_API DcdStatus dcd_connection_info(DcdWorld world, DcdConnectionId connection, DcdConnectionInfo *out);
+DCD_API DcdStatus dcd_disconnect(DcdWorld world, DcdConnectionId connection, const char *reason);
 DCD_API
-DcdStatus dcd_disconnect(DcdWorld world,
-                         DcdConnectionId connection,
-                         const char *reason);
-DCD_API DcdStatus dcd_poll(DcdWorld world, uint32_t timeout_ms);
+DcdStatus dcd_poll(DcdWorld world,
+                   uint32_t timeout_ms);
 DCD_API
 DcdStatus dcd_send(DcdWorld world,
                    DcdConnectionId connection,
@@ -1519,17 +1517,20 @@ DcdStatus dcd_query_poll_overlaps(DcdWorld world,
                                   size_t *ends,
                                   size_t *total);
 DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
+DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
 DCD_API
-DcdStatus dcd_regions(DcdWorld world,
-                      DcdRegionInfo *out,
+DcdStatus dcd_borders(DcdWorld world,
+                      DcdBorderInfo *out,
                       size_t cap,
                       size_t *count);
-DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, size_t *count);
 DCD_API
 DcdStatus dcd_body_owner(DcdWorld world,
                          DcdBodyId body,
                          DcdOwner *out);
-DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
+DCD_API
+DcdStatus dcd_interest_set(DcdWorld world,
+                           const double *centre,
+                           double radius);
 DCD_API
 DcdStatus dcd_bandwidth_set(DcdWorld world,
                             uint32_t bytes_per_second);
@@ -1541,43 +1542,32 @@ DcdStatus dcd_validate(DcdWorld world,
                        size_t cap,
                        size_t *needed);
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
-DCD_API
-DcdStatus dcd_profile(DcdWorld world,
-                      DcdProfile *out);
+DCD_API DcdStatus dcd_profile(DcdWorld world, DcdProfile *out);
 DCD_API
 DcdStatus dcd_checkpoint_create(DcdWorld world,
                                 DcdCheckpointId *out);
 DCD_API
 DcdStatus dcd_checkpoint_save(DcdWorld world,
                               DcdCheckpointId checkpoint);
-DCD_API
-DcdStatus dcd_checkpoint_restore(DcdWorld world,
-                                 DcdCheckpointId checkpoint);
+DCD_API DcdStatus dcd_checkpoint_restore(DcdWorld world, DcdCheckpointId checkpoint);
 DCD_API DcdStatus dcd_checkpoint_destroy(DcdWorld world, DcdCheckpointId checkpoint);
 DCD_API
 DcdStatus dcd_viewpoints_set(DcdWorld world,
                              const DcdViewpoint *viewpoints,
                              size_t count);
-DCD_API
-DcdStatus dcd_fidelity_report(DcdWorld world,
-                              DcdFidelityReport *out);
+DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
 DCD_API
 DcdStatus dcd_record(DcdWorld world,
                      const char *path);
 DCD_API
 DcdStatus dcd_record_last(DcdWorld world,
                           float seconds);
+DCD_API DcdStatus dcd_record_keep(DcdWorld world, const char *path);
+DCD_API DcdStatus dcd_record_stop(DcdWorld world);
+DCD_API DcdStatus dcd_snapshot_save(DcdWorld world, void *buf, size_t cap, size_t *needed);
 DCD_API
-DcdStatus dcd_record_keep(DcdWorld world,
-                          const char *path);
-DCD_API
-DcdStatus dcd_record_stop(DcdWorld world);
-DCD_API
-DcdStatus dcd_snapshot_save(DcdWorld world,
-                            void *buf,
-                            size_t cap,
-                            size_t *needed);
-DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
+DcdStatus dcd_snapshot_save_file(DcdWorld world,
+                                 const char *path);
 DCD_API
 DcdStatus dcd_snapshot_load(DcdWorld world,
                             const void *data,
@@ -1588,7 +1578,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #endif
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f, NULL, 0, 0 }
 #define DCD_BODY_DEF_INIT \
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \
@@ -1643,6 +1633,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
+#define DCD_CHARACTER_STATE_INIT \
+    { (uint32_t)sizeof(DcdCharacterState), false, false, { 0, 0 }, \
+      { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 } }
 #define DCD_SHAPE_INFO_INIT \
     { (uint32_t)sizeof(DcdShapeInfo), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, 0, 0, 0, 0, 0, 0 }

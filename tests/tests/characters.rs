@@ -248,11 +248,11 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
         let slider = walker(&mut world, [1.0, 3.1, 12.0]);
         let rows = [0.3, -6.0, 6.0, 12.0].map(|z| walker(&mut world, [-3.5, 1.0, z]));
         let mut highest = [0.0f64; 4];
-        let (mut slid, mut climbed) = (0, 0);
+        let (mut slid, mut held, mut climbed) = (0, 0, 0);
         for tick in 0..400 {
             if tick < 30 {
                 let state = world.character_state(slider).unwrap();
-                assert!(!state.grounded, "{name}: nobody stands on 60 degrees: {state:?}");
+                held += usize::from(state.grounded);
                 slid += usize::from(state.sliding && is_on(&state, slabs[1], 60.0));
             }
             let state = world.character_state(rows[2]).unwrap();
@@ -269,6 +269,8 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
         let [stair, block, ramp, cliff] = highest.map(|y| y - STANDS_M);
         assert!((stair - 1.0).abs() < 0.1, "{name}: a stair of one metre, {stair}");
         assert!(slid >= 5 && climbed >= 20, "{name}: for {slid} ticks down 60, for {climbed} up 30 degrees");
+        // The ground may stop it in the tick in which it lands.
+        assert!(held <= 1, "{name}: nobody stands on 60 degrees, for {held} ticks");
         assert!(block < 0.2, "{name}: half a metre is too high, {block}");
         assert!(ramp > 1.0, "{name}: 30 degrees, {ramp}");
         assert!(cliff < 0.3, "{name}: 60 degrees, {cliff}");

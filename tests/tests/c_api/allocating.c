@@ -44,6 +44,33 @@ static void release(void *context, void *block, size_t size, size_t alignment)
     free(head.start);
 }
 
+/* The bytes that each of 4,000 balls takes in a world of one region, as in tests/tests/steady_state.rs. */
+static double bytes_per_body(const Heap *heap, double gap)
+{
+    enum { COUNT = 4000 };
+    const size_t before = heap->bytes;
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdWorld world;
+    DcdBodyId id;
+    def.threads = 1;
+    OK(dcd_world_create(&def, &world));
+    OK(dcd_shape_sphere(world, 0.5f, &body.shape));
+    for (int i = 0; i < COUNT; i++) {
+        body.pose.p[0] = gap * (i % 60);
+        body.pose.p[1] = 0.5;
+        body.pose.p[2] = gap * (i / 60);
+        body.user_data = (uint64_t)i;
+        body.friction = i % 2 ? 0.6f : 0.5f;
+        OK(dcd_body_create(world, &body, &id));
+    }
+    for (int i = 0; i < 30; i++)
+        OK(dcd_step(world));
+    const double bytes = (double)(heap->bytes - before) / COUNT;
+    OK(dcd_world_destroy(world));
+    return bytes;
+}
+
 int main(void)
 {
     static Heap heap;
@@ -71,6 +98,8 @@ int main(void)
         /* Threads that are still ending may hold some memory. */
         HOLDS(full - before > 500 * 500 && heap.bytes < before + 65536);
     }
+    const double apart = bytes_per_body(&heap, 2.0), touching = bytes_per_body(&heap, 0.99);
+    printf("a body takes %.0f bytes, one that touches others %.0f\n", apart, touching);
     HOLDS(heap.calls > 1000 && heap.wrong == 0);
     FAILS(dcd_allocator_set(allocate, release, &heap), DCD_ERR_BUSY, "before all other");
     FAILS(dcd_allocator_set(NULL, release, &heap), DCD_ERR_NULL, "allocate");

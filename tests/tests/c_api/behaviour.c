@@ -1144,7 +1144,7 @@ static size_t level_cuts(uint32_t regions, uint32_t axes, float down_x)
 
 static void worlds_are_cut_where_planes_say(void)
 {
-    const DcdCut planes[2] = { { 1.5, DCD_CUT_Y, 0 }, { -7.25, DCD_CUT_X, 0 } };
+    const DcdCut planes[2] = { { 1.5, DCD_CUT_Y, 0 }, { -0.25, DCD_CUT_X, 0 } };
     const char *params[1] = { "n=3" };
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
     DcdWorld worlds[2];
@@ -1159,7 +1159,7 @@ static void worlds_are_cut_where_planes_say(void)
         HOLDS(count == 4);
         for (size_t i = 0; i < count; i++) {
             level += all[i].min[1] == 1.5 || all[i].max[1] == 1.5;
-            upright += all[i].min[0] == -7.25 || all[i].max[0] == -7.25;
+            upright += all[i].min[0] == -0.25 || all[i].max[0] == -0.25;
             HOLDS(isinf(all[i].min[2]) && isinf(all[i].max[2]));
         }
         HOLDS(level == 4 && upright == 4);

@@ -469,7 +469,10 @@ impl Region {
         let (a, b) = (joint.body1(), joint.body2());
         let moved = if self.physics().bodies[a].is_dynamic() { a } else { b };
         let iteration_s = self.iteration_s(moved);
-        Some(std::array::from_fn(|axis| joint.impulses[axis] / iteration_s))
+        // Rapier's constraints of turning are those of the quaternion between the joint's two frames, which changes by
+        // half of the angle (`diff_conj1_2` in its `joint_constraint_helper`): half of the impulse is that of the torque.
+        let part = |axis: usize| if axis < 3 { 1.0 } else { 0.5 };
+        Some(std::array::from_fn(|axis| part(axis) * joint.impulses[axis] / iteration_s))
     }
 
     /// Returns the bodies that a joint held here ties.

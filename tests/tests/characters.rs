@@ -269,8 +269,8 @@ fn it_climbs_steps_and_slopes_as_far_as_it_can() {
         let [stair, block, ramp, cliff] = highest.map(|y| y - STANDS_M);
         assert!((stair - 1.0).abs() < 0.1, "{name}: a stair of one metre, {stair}");
         assert!(slid >= 5 && climbed >= 20, "{name}: for {slid} ticks down 60, for {climbed} up 30 degrees");
-        // The ground may stop it in the tick in which it lands.
-        assert!(held <= 1, "{name}: nobody stands on 60 degrees, for {held} ticks");
+        // The slope may stop it for some ticks as it lands.
+        assert!(held <= 3, "{name}: nobody stands on 60 degrees, for {held} ticks");
         assert!(block < 0.2, "{name}: half a metre is too high, {block}");
         assert!(ramp > 1.0, "{name}: 30 degrees, {ramp}");
         assert!(cliff < 0.3, "{name}: 60 degrees, {cliff}");

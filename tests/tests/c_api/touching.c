@@ -46,7 +46,7 @@ static void a_character(DcdWorld world, DcdBodyId cube)
     OK(dcd_character_create(world, &def, &walks, &person));
     state = stance(world, person);
     HOLDS(!state.grounded && !state.sliding && state.ground.body.v == 0 && state.ground.slope == 0.0f);
-    for (int i = 0; i < 90; i++)
+    for (int i = 0; i < 60; i++)
         OK(dcd_step(world));
     state = stance(world, person);
     HOLDS(state.grounded && !state.sliding && state.ground.body.v == cube.v && state.ground.collider == 0);
@@ -85,7 +85,7 @@ static void wheels_of_a_car(DcdWorld world, DcdBodyId floor)
     def.pose.p[2] = 8.0;
     OK(dcd_shape_box(world, half, &def.shape));
     OK(dcd_vehicle_create(world, &def, &vehicle, &car));
-    for (int i = 0; i < 60; i++)
+    for (int i = 0; i < 45; i++)
         OK(dcd_step(world));
     OK(dcd_vehicle_wheels(world, car, NULL, 0, &count));
     HOLDS(count == 4);

@@ -89,7 +89,7 @@ pub(super) fn measure(
     profiles: &[FaultProfile],
     seeds: Range<u64>,
 ) -> Result<(), Box<dyn Error>> {
-    let bar = super::bar((profiles.len() * ContactScene::ALL.len()) as u64 * seeds.end)?;
+    let bar = super::bar((profiles.len() * ContactScene::ALL.len()) as u64 * (seeds.end - seeds.start))?;
     for &profile in profiles {
         for scene in ContactScene::ALL {
             bar.set_message(format!("{} of a {scene}", profile.name()));

@@ -17,6 +17,9 @@ use crate::accuracy::{Bare, Figure, Setup, Trace, finite, trace};
 /// The factor by which the spread of one world's own runs may be exceeded.
 const SLACK: f64 = 1.1;
 
+/// The unit of an error that is a number of bodies.
+pub(super) const BROKEN: &str = "bodies lost, doubled or set aside";
+
 /// The statistics of one bare world on a scene, over several seeds.
 pub(super) struct Reference<'a> {
     case: &'a Case,
@@ -77,14 +80,8 @@ impl<'a> Reference<'a> {
         };
         let broken = trace.lost + trace.doubled + trace.quarantined;
         if broken > 0 {
-            let unit = "bodies lost, doubled or set aside";
-            return Ok(Reading {
-                error: broken as f64,
-                r1_spread: 0.0,
-                unit,
-                gate: 0.5,
-                regions: trace.regions,
-            });
+            let (error, regions) = (broken as f64, trace.regions);
+            return Ok(Reading { error, r1_spread: 0.0, unit: BROKEN, gate: 0.5, regions });
         }
         let readings = figures(self.case, &self.subject, &trace)
             .zip(&self.spreads)

@@ -17,7 +17,7 @@ const TICKS: u64 = 60;
 /// what was counted in a dev build with CARGO_INCREMENTAL=0. (An incremental build has more units, and
 /// executes up to a tenth more.) In a dev build our own code is optimised less than Rapier's, which is
 /// compiled in one unit. Small scenes have a third of their bodies at the border.
-const HELD: [(&str, f64); 6] =
+pub(super) const HELD: [(&str, f64); 6] =
     [("rubble", 2.56), ("dve", 2.79), ("gas", 3.43), ("pour", 3.67), ("pyramid", 1.47), ("wall", 2.36)];
 
 /// Returns the scenes that are counted: those asked for, or all in `HELD`.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::front::{self, Point};
+use super::goals;
 use super::row::Row;
 use crate::draw::{BLACK_LINE, COLOURS, Line, LinePanel, LinePanels, Mark};
 use crate::machine::Machine;
@@ -102,7 +103,8 @@ fn style(name: &str) -> (plotters::style::RGBColor, Mark) {
 }
 
 /// Returns the matrix of scenes by settings: time over that of one bare world, and the error in gates where
-/// it does not pass. Below it stands what lies on the front, and when errors were measured.
+/// it does not pass. Below it stands what lies on the front, which goals are reached, and when errors were
+/// measured.
 pub(super) fn table(rows: &[Measured<Row>]) -> String {
     let mut columns: Vec<String> = Vec::new();
     for label in rows.iter().map(|row| row.row.label()).filter(|label| label != "bare") {
@@ -126,7 +128,7 @@ pub(super) fn table(rows: &[Measured<Row>]) -> String {
             .collect()
     });
     let errors = page::measured("Errors", error_machines(rows).iter());
-    format!("{}\n{}\n\n{errors}", page::table(&head, lines), verdict(rows))
+    format!("{}\n{}\n\n{}\n{errors}", page::table(&head, lines), verdict(rows), goals::table(rows))
 }
 
 fn cell(row: &Row) -> String {

@@ -468,19 +468,27 @@ fn what_a_participant_computes_is_computed_once_more_to_the_same_bits() {
     }
 }
 
-/// Members are at most six ticks ahead of one another: all their messages arrive late, and no body is lost on
-/// the way.
+/// Members are at most six ticks ahead of one another: all their messages arrive late. No body is lost on the
+/// way, and nobody is taken for one that hangs, though two clients join with them.
 #[test]
-fn members_that_are_not_in_step_lose_and_double_nothing() {
+fn members_that_are_not_in_step_lose_and_double_nothing_and_evict_nobody() {
     let scene = rain();
     let mut world = WorldConfig { partitioning: Partitioning::Regions(8), ..WorldConfig::for_scene(&scene) };
     world.step = world.step.with_coupling(Coupling::Owner);
     let groups = GroupConfig { lag_ticks: 6, ..GroupConfig::default() };
     let (server, _data) =
         serve_origin(Origin::Scene(&scene, &world), 3, Pace::Unpaced, Some(400), groups.clone());
+    let clients = [-4.0, 4.0].map(|x| {
+        let mut client = connect(&server);
+        let ball = ColliderBuilder::ball(0.5);
+        client.spawn(WorldPose::at([x, 20.0, 0.0]), &RigidBodyBuilder::dynamic().build(), &[ball]).unwrap();
+        client
+    });
     let members: Vec<_> = (0..3).map(|_| start_node(&server)).collect();
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
     let summary = server.stop().unwrap();
+    assert_eq!((summary.views, summary.nodes), (1, 3), "whoever is evicted or comes back begins a view");
+    assert!(clients.iter().all(|client| client.updates() > 0), "both have seen the world");
     let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
     assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(400), 0, 0));
     assert!(transfers > 20, "the test needs traffic: {transfers}");

@@ -1,11 +1,18 @@
-//! Tests worlds of many kilometres: bodies far out behave as at the origin.
+//! Tests worlds of many kilometres: bodies far out behave as at the origin. Measures worlds of many bodies, most
+//! of which are at rest.
 
+use std::time::{Duration, Instant};
+
+use dcd::net::JoinRole;
 use dcd::physics::{BodyFilter, WorldRay};
-use dcd::protocol::WorldPose;
+use dcd::protocol::{Pace, WorldPose};
 use dcd::rapier3d::prelude::*;
-use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
+use dcd::runtime::{
+    JoinConfig, LocalWorld, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess,
+    WorldConfig,
+};
 use dcd::scene::{Params, Scene};
-use dcd::space::{Axis, BodyId, Bounds};
+use dcd::space::{Axis, BodyId, Bounds, Tick};
 
 /// Inserts a slab with three boxes on it at this place. Returns the boxes.
 fn stack(world: &mut LocalWorld, at: [f64; 3]) -> Vec<BodyId> {
@@ -152,4 +159,101 @@ fn a_ray_finds_the_ground_where_it_is_as_the_origin_of_its_region_follows_the_pl
     let player = spawn(&mut world, 50_000.0);
     world.remove(player).unwrap();
     spawn(&mut world, 53_000.0);
+}
+
+/// Returns a world in which so many boxes rest three metres apart, and a thousand others fly about in a closed
+/// room beside them. Each row of boxes has ground of its own: when a pair comes near, Rapier looks through all
+/// pairs of its colliders, which takes minutes where one collider is in 100,000 of them.
+fn room_beside(resting: usize) -> Scene {
+    let mut scene = Scene::empty("room");
+    let smooth = ColliderBuilder::ball(1.0).restitution(1.0).friction(0.0);
+    let room = [-70.0, 20.0, 20.0];
+    for (axis, side) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0), (2, -1.0), (2, 1.0)] {
+        let (mut at, mut half_m) = (room, [22.0; 3]);
+        (at[axis], half_m[axis]) = (room[axis] + side * 21.0, 1.0);
+        scene.push_fixed_box(at, half_m, &smooth);
+    }
+    for i in 0..1_000u32 {
+        let place = [i % 10, i / 10 % 10, i / 100].map(|k| 3.6 * f64::from(k) - 16.2);
+        let speed = [7, 11, 13].map(|k| (i * k % 21) as f32 * 0.5 - 5.0);
+        let body = RigidBodyBuilder::dynamic().gravity_scale(0.0).linvel(speed.into()).can_sleep(false);
+        let collider = ColliderBuilder::cuboid(0.5, 0.5, 0.5).restitution(1.0).friction(0.0);
+        scene.push(WorldPose::at(std::array::from_fn(|k| room[k] + place[k])), body, collider);
+    }
+    for row in 0..resting.div_ceil(316) {
+        let middle = [474.0, -0.5, 3.0 * row as f64];
+        scene.push_fixed_box(middle, [480.0, 0.5, 1.4], &ColliderBuilder::ball(1.0));
+    }
+    for i in 0..resting {
+        let at = [3.0 * (i % 316) as f64, 0.5, 3.0 * (i / 316) as f64];
+        let body = RigidBodyBuilder::dynamic().sleeping(true);
+        scene.push(WorldPose::at(at), body, ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+    }
+    scene.bounds = Bounds::new([-100.0, -1.0, -10.0], [960.0, 60.0, 960.0]);
+    scene
+}
+
+const WARM_UP: u64 = 30;
+const MEASURED: u64 = 60;
+
+/// Returns the milliseconds of the median tick of a local world.
+fn local_ms(scene: &Scene, partitioning: Partitioning) -> f64 {
+    let config = WorldConfig { partitioning, threads: 1, ..WorldConfig::for_scene(scene) };
+    let mut world = LocalWorld::from_scene(scene, config).unwrap();
+    (0..WARM_UP).for_each(|_| world.step().unwrap());
+    let awake = world.states().filter(|&(id, ..)| !world.body(id).unwrap().is_sleeping()).count();
+    assert_eq!(awake, 1_000, "these fly, and all others rest");
+    let mut times: Vec<_> = (0..MEASURED)
+        .map(|_| {
+            let begins = Instant::now();
+            world.step().unwrap();
+            begins.elapsed()
+        })
+        .collect();
+    times.sort_unstable();
+    1e3 * times[times.len() / 2].as_secs_f64()
+}
+
+/// Returns the milliseconds of a tick of a world that two nodes of this process compute as fast as they can.
+fn served_ms(scene: &Scene) -> f64 {
+    const LIMIT: Duration = Duration::from_secs(600);
+    let partitioning = Partitioning::Cuts(vec![(Axis::X, -20.0)]);
+    let world = WorldConfig { partitioning, threads: 1, ..WorldConfig::for_scene(scene) };
+    let data = tempfile::tempdir().unwrap();
+    let config = ServeConfig { nodes: 2, pace: Pace::Unpaced, ..ServeConfig::new(data.path()) };
+    let server = ServerProcess::start(Origin::Scene(scene, &world), config).unwrap();
+    let node = || {
+        let token = server.token(JoinRole::Node, LIMIT).unwrap();
+        let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
+        Member::start(MemberConfig::new(server.address, identity)).unwrap()
+    };
+    let nodes = [node(), node()];
+    let reached = |tick: u64| {
+        assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(tick)));
+        (Instant::now(), server.summary().tick.0)
+    };
+    let (begins, first) = reached(WARM_UP);
+    let (ends, last) = reached(first + MEASURED);
+    let summary = server.stop().unwrap();
+    assert_eq!((summary.lost, summary.doubled), (0, 0));
+    nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
+    1e3 * (ends - begins).as_secs_f64() / (last - first) as f64
+}
+
+#[test]
+#[ignore = "measures, on a machine that does nothing else; takes minutes"]
+fn a_hundred_thousand_boxes_at_rest_are_measured_beside_a_thousand_that_move() {
+    let [alone, beside] = [0, 100_000].map(room_beside);
+    let through = || Partitioning::Cuts(vec![(Axis::X, -20.0)]);
+    let cuts: [(&str, &dyn Fn(&Scene) -> f64); 4] = [
+        ("one region", &|scene| local_ms(scene, Partitioning::Regions(1))),
+        ("two regions, cut between both", &|scene| local_ms(scene, through())),
+        ("sixteen regions", &|scene| local_ms(scene, Partitioning::Regions(16))),
+        ("two nodes, cut between both", &served_ms),
+    ];
+    for (what, ms) in cuts {
+        let (alone_ms, beside_ms) = (ms(&alone), ms(&beside));
+        let ratio = beside_ms / alone_ms;
+        println!("{what}: {beside_ms:.2} ms per tick, {alone_ms:.2} ms without what rests: {ratio:.2} times");
+    }
 }

@@ -86,11 +86,11 @@ static void hear(DcdWorld world, DcdBodyId avatar, struct Diary *diary)
         if (change->body.v != avatar.v) {
             continue;
         }
-        if (change->kind == DCD_BODY_REFUSED) {
+        if (change->kind == DCD_CHANGE_REFUSED) {
             fprintf(stderr, "join: the server refuses: %s\n", dcd_refused_string(change->reason));
             exit(EXIT_FAILURE);
         }
-        diary->appeared = diary->appeared || change->kind == DCD_BODY_APPEARED;
+        diary->appeared = diary->appeared || change->kind == DCD_CHANGE_APPEARED;
     }
     for (size_t i = 0; i < events.contact_count; i++) {
         const DcdContact *contact = &events.contacts[i];

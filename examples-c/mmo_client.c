@@ -114,7 +114,7 @@ static DcdBodyId enter(DcdWorld world, const DcdPose *at, double dt)
         check(dcd_events(world, &events));
         for (size_t i = 0; i < events.change_count; i++) {
             const DcdBodyChange *change = &events.changes[i];
-            appeared = appeared || (change->body.v == avatar.v && change->kind == DCD_BODY_APPEARED);
+            appeared = appeared || (change->body.v == avatar.v && change->kind == DCD_CHANGE_APPEARED);
         }
         check(dcd_view_time(world, &time)); /* the first call starts the prediction */
         check(dcd_prediction(world, &prediction));

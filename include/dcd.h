@@ -215,14 +215,14 @@
 #define DCD_CONTACT_SENSOR 1
 
 // In DcdBodyChange.kind: a body came into a served world.
-#define DCD_BODY_APPEARED 1
+#define DCD_CHANGE_APPEARED 1
 
 // In DcdBodyChange.kind: a body of a served world is gone, and its id is stale.
-#define DCD_BODY_REMOVED 2
+#define DCD_CHANGE_REMOVED 2
 
 // In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If the body had not appeared yet, it never will, and
 // its id is stale.
-#define DCD_BODY_REFUSED 3
+#define DCD_CHANGE_REFUSED 3
 
 // In DcdBodyChange.reason: the program speaks another version of the protocol than the server.
 #define DCD_REFUSED_VERSION 1
@@ -275,7 +275,7 @@
 #define DCD_REFUSED_NOT_TO_BE_BUILT 12
 
 // In DcdEventView.flags: the link to the server is gone. dcd_step says why.
-#define DCD_EVENTS_LOST 1
+#define DCD_EVENTS_DISCONNECTED 1
 
 // In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.filter is asked about contacts of the collider.
 #define DCD_HOOK_FILTER 1
@@ -519,7 +519,7 @@ typedef struct DcdClientDef {
     double interest_centre[3];
     // Radius of the first area of interest, metres. The client is told the bodies in the area, the scenery that reaches into it,
     // and the shapes and joints of those. What comes there later, or where dcd_interest_set moves the area to, appears
-    // (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
+    // (DCD_CHANGE_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     double interest_radius;
     // Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000. It counts from when the
     // client has noticed, which is 10 to 14 s after it last heard of a server that was killed (2 to 3 s where `server` names several).
@@ -561,7 +561,7 @@ typedef struct DcdParticipantDef {
 // Id of a body. 0 is null. A body has one id for as long as the world's handle lives, whichever region owns it. Other processes,
 // and later handles of the same world, know it by other ids. An id of another world is stale in this world.
 //
-// An id is not given again, so that the id of a destroyed body stays stale for ever. Forget ids at DCD_BODY_REMOVED, because there
+// An id is not given again, so that the id of a destroyed body stays stale for ever. Forget ids at DCD_CHANGE_REMOVED, because there
 // are exceptions:
 // - dcd_checkpoint_restore goes back to a time before the id was given.
 // - A client that leaves and joins again with its identity file numbers new avatars from those on that are left of its last stay.
@@ -1608,7 +1608,7 @@ typedef struct DcdBodyChange {
     // User data of the body, from the program or from whoever made it; 0 for a body of another process that came and went between
     // two steps.
     uint64_t user_data;
-    // Kind: DCD_BODY_APPEARED, DCD_BODY_REMOVED or DCD_BODY_REFUSED.
+    // Kind: DCD_CHANGE_APPEARED, DCD_CHANGE_REMOVED or DCD_CHANGE_REFUSED.
     uint32_t kind;
     // DCD_REFUSED_… reason of a refusal, else 0; dcd_refused_string names it.
     uint32_t reason;
@@ -2679,10 +2679,10 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 //
 // The handle is used like that of a local world, with these differences:
 // - Avatars. dcd_body_create makes an avatar, a dynamic or kinematic body of the client's own. Its id is valid at once, and the
-//   body stands where the client put it. DCD_BODY_APPEARED tells that it is in the world. DCD_BODY_REFUSED tells that it is not to
+//   body stands where the client put it. DCD_CHANGE_APPEARED tells that it is in the world. DCD_CHANGE_REFUSED tells that it is not to
 //   be, and then its id is stale.
 // - Input. dcd_body_set_velocity sets the speed of an avatar, and dcd_body_set_pose lets it jump. The next dcd_step sends this
-//   input. The server may set a limit to speed, and refuse by DCD_BODY_REFUSED.
+//   input. The server may set a limit to speed, and refuse by DCD_CHANGE_REFUSED.
 // - Steps. dcd_step takes in what has come since the last, and returns at once: call it as often as dt says.
 // - Lost server. A server that is out of reach is dialled again for half a minute (DcdClientDef.give_up_ms). Meanwhile the world
 //   goes on as long as nodes compute it, and avatars can be moved. Avatars that are created or destroyed meanwhile are so once the
@@ -2718,8 +2718,8 @@ DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *o
 // Lists the avatars that this process hosts, oldest first: those that it made, in the world or on their way, and those that an
 // earlier stay left behind. A local world has none.
 //
-// Avatars of an earlier stay are in the world on joining, and then no DCD_BODY_APPEARED tells of them. Where the process that
-// computed them had not let go of them yet, they come back soon after joining (DCD_BODY_APPEARED).
+// Avatars of an earlier stay are in the world on joining, and then no DCD_CHANGE_APPEARED tells of them. Where the process that
+// computed them had not let go of them yet, they come back soon after joining (DCD_CHANGE_APPEARED).
 //
 // Writes the ids to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
 // number.
@@ -2929,7 +2929,7 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 // Creates `count` bodies, all or none. `defs` and `out` have `count` entries; `defs` is read during the call. Bodies are in the
 // world at once, and the next step moves them.
 //
-// - The bodies of a client or participant are avatars. DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
+// - The bodies of a client or participant are avatars. DCD_CHANGE_APPEARED or DCD_CHANGE_REFUSED tells what became of each.
 // - The bodies of a server or a builder are the world's own, of any kind. They stay when a builder leaves. Nodes compute them from
 //   some ticks after the next dcd_step on. A builder is told what became of each, as a client is.
 //

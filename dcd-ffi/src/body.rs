@@ -37,7 +37,7 @@ pub unsafe extern "C" fn dcd_body_create(
 /// Creates `count` bodies, all or none. `defs` and `out` have `count` entries; `defs` is read during the call. Bodies are in the
 /// world at once, and the next step moves them.
 ///
-/// - The bodies of a client or participant are avatars. DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
+/// - The bodies of a client or participant are avatars. DCD_CHANGE_APPEARED or DCD_CHANGE_REFUSED tells what became of each.
 /// - The bodies of a server or a builder are the world's own, of any kind. They stay when a builder leaves. Nodes compute them from
 ///   some ticks after the next dcd_step on. A builder is told what became of each, as a client is.
 ///

@@ -105,12 +105,12 @@ pub struct DcdTransfer {
 }
 
 /// In DcdBodyChange.kind: a body came into a served world.
-pub const DCD_BODY_APPEARED: u32 = 1;
+pub const DCD_CHANGE_APPEARED: u32 = 1;
 /// In DcdBodyChange.kind: a body of a served world is gone, and its id is stale.
-pub const DCD_BODY_REMOVED: u32 = 2;
+pub const DCD_CHANGE_REMOVED: u32 = 2;
 /// In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If the body had not appeared yet, it never will, and
 /// its id is stale.
-pub const DCD_BODY_REFUSED: u32 = 3;
+pub const DCD_CHANGE_REFUSED: u32 = 3;
 
 /// In DcdBodyChange.reason: the program speaks another version of the protocol than the server.
 pub const DCD_REFUSED_VERSION: u32 = 1;
@@ -163,7 +163,7 @@ pub struct DcdBodyChange {
     /// User data of the body, from the program or from whoever made it; 0 for a body of another process that came and went between
     /// two steps.
     pub user_data: u64,
-    /// Kind: DCD_BODY_APPEARED, DCD_BODY_REMOVED or DCD_BODY_REFUSED.
+    /// Kind: DCD_CHANGE_APPEARED, DCD_CHANGE_REMOVED or DCD_CHANGE_REFUSED.
     pub kind: u32,
     /// DCD_REFUSED_… reason of a refusal, else 0; dcd_refused_string names it.
     pub reason: u32,
@@ -186,7 +186,7 @@ pub struct DcdJointOverload {
 }
 
 /// In DcdEventView.flags: the link to the server is gone. dcd_step says why.
-pub const DCD_EVENTS_LOST: u32 = 1;
+pub const DCD_EVENTS_DISCONNECTED: u32 = 1;
 
 /// Events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 #[repr(C)]
@@ -344,16 +344,16 @@ impl EventBuffers {
         };
         let user = |id| world.user_data(id).map(|data| data as u64).or_else(|| departed(id)).unwrap_or(0);
         arrays.tick = world.tick().0;
-        arrays.flags = if world.is_lost() { DCD_EVENTS_LOST } else { 0 };
+        arrays.flags = if world.is_lost() { DCD_EVENTS_DISCONNECTED } else { 0 };
         let changes = world.changes();
         arrays.changes.refill(changes.len()).extend(changes.iter().map(|change| {
             let (body, kind, reason, user_data) = match *change {
-                BodyChange::Appeared(id) => (Some(id), DCD_BODY_APPEARED, 0, user(id)),
+                BodyChange::Appeared(id) => (Some(id), DCD_CHANGE_APPEARED, 0, user(id)),
                 BodyChange::Removed { body, user_data } => {
-                    (Some(body), DCD_BODY_REMOVED, 0, user_data as u64)
+                    (Some(body), DCD_CHANGE_REMOVED, 0, user_data as u64)
                 }
                 BodyChange::Refused { body, why, user_data } => {
-                    (body, DCD_BODY_REFUSED, code_of(why), user_data as u64)
+                    (body, DCD_CHANGE_REFUSED, code_of(why), user_data as u64)
                 }
                 _ => unreachable!("dcd and dcd-ffi are of one version"),
             };

@@ -11,7 +11,7 @@ pub struct DcdWorld {
 /// Id of a body. 0 is null. A body has one id for as long as the world's handle lives, whichever region owns it. Other processes,
 /// and later handles of the same world, know it by other ids. An id of another world is stale in this world.
 ///
-/// An id is not given again, so that the id of a destroyed body stays stale for ever. Forget ids at DCD_BODY_REMOVED, because there
+/// An id is not given again, so that the id of a destroyed body stays stale for ever. Forget ids at DCD_CHANGE_REMOVED, because there
 /// are exceptions:
 /// - dcd_checkpoint_restore goes back to a time before the id was given.
 /// - A client that leaves and joins again with its identity file numbers new avatars from those on that are left of its last stay.

@@ -39,7 +39,7 @@ pub struct DcdClientDef {
     pub interest_centre: [f64; 3],
     /// Radius of the first area of interest, metres. The client is told the bodies in the area, the scenery that reaches into it,
     /// and the shapes and joints of those. What comes there later, or where dcd_interest_set moves the area to, appears
-    /// (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
+    /// (DCD_CHANGE_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     pub interest_radius: f64,
     /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000. It counts from when the
     /// client has noticed, which is 10 to 14 s after it last heard of a server that was killed (2 to 3 s where `server` names several).
@@ -98,10 +98,10 @@ unsafe impl Sized32 for DcdParticipantDef {
 ///
 /// The handle is used like that of a local world, with these differences:
 /// - Avatars. dcd_body_create makes an avatar, a dynamic or kinematic body of the client's own. Its id is valid at once, and the
-///   body stands where the client put it. DCD_BODY_APPEARED tells that it is in the world. DCD_BODY_REFUSED tells that it is not to
+///   body stands where the client put it. DCD_CHANGE_APPEARED tells that it is in the world. DCD_CHANGE_REFUSED tells that it is not to
 ///   be, and then its id is stale.
 /// - Input. dcd_body_set_velocity sets the speed of an avatar, and dcd_body_set_pose lets it jump. The next dcd_step sends this
-///   input. The server may set a limit to speed, and refuse by DCD_BODY_REFUSED.
+///   input. The server may set a limit to speed, and refuse by DCD_CHANGE_REFUSED.
 /// - Steps. dcd_step takes in what has come since the last, and returns at once: call it as often as dt says.
 /// - Lost server. A server that is out of reach is dialled again for half a minute (DcdClientDef.give_up_ms). Meanwhile the world
 ///   goes on as long as nodes compute it, and avatars can be moved. Avatars that are created or destroyed meanwhile are so once the
@@ -165,8 +165,8 @@ pub unsafe extern "C" fn dcd_participant_join(
 /// Lists the avatars that this process hosts, oldest first: those that it made, in the world or on their way, and those that an
 /// earlier stay left behind. A local world has none.
 ///
-/// Avatars of an earlier stay are in the world on joining, and then no DCD_BODY_APPEARED tells of them. Where the process that
-/// computed them had not let go of them yet, they come back soon after joining (DCD_BODY_APPEARED).
+/// Avatars of an earlier stay are in the world on joining, and then no DCD_CHANGE_APPEARED tells of them. Where the process that
+/// computed them had not let go of them yet, they come back soon after joining (DCD_CHANGE_APPEARED).
 ///
 /// Writes the ids to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
 /// number.

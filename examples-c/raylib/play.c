@@ -127,12 +127,12 @@ static void hear(Game *game)
     check(dcd_events(game->world, &events));
     for (size_t i = 0; i < events.change_count; i++) {
         const DcdBodyChange *change = &events.changes[i];
-        if (change->kind == DCD_BODY_APPEARED) {
+        if (change->kind == DCD_CHANGE_APPEARED) {
             /* Bodies that have gone again since are told of too. */
             if (dcd_body_is_valid(game->world, change->body)) {
                 bodies_add(&game->bodies, change->body);
             }
-        } else if (change->kind == DCD_BODY_REMOVED) {
+        } else if (change->kind == DCD_CHANGE_REMOVED) {
             bodies_remove(&game->bodies, change->body);
         } else if (change->body.v == game->avatar.v && !dcd_body_is_valid(game->world, game->avatar)) {
             fprintf(stderr, "play: the avatar is refused: %s\n", dcd_refused_string(change->reason));

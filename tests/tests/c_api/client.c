@@ -308,7 +308,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     looks(world, avatar);
     refuses(world, box, avatar, role);
 
-    HOLDS(await_change(world, avatar, DCD_BODY_APPEARED).user_data == 7);
+    HOLDS(await_change(world, avatar, DCD_CHANGE_APPEARED).user_data == 7);
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.user_data[100] == 7);
     asks_the_owners(world, avatar);
@@ -328,7 +328,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     /* An avatar may jump as far as it could have moved since its last jump, at the 20 m/s of this server. */
     far.p[0] = 100.0;
     OK(dcd_body_set_pose(world, avatar, &far));
-    HOLDS(await_change(world, avatar, DCD_BODY_REFUSED).reason == DCD_REFUSED_TOO_FAR);
+    HOLDS(await_change(world, avatar, DCD_CHANGE_REFUSED).reason == DCD_REFUSED_TOO_FAR);
     DcdVelocity up = { { 0.0f, 5.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     far.p[0] = 40.0;
     OK(dcd_body_set_pose(world, avatar, &far));
@@ -365,13 +365,13 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     /* Too fast: an event refuses the input, and the avatar stays as it is. */
     DcdVelocity fast = { { 1000.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &fast));
-    HOLDS(await_change(world, avatar, DCD_BODY_REFUSED).reason == DCD_REFUSED_TOO_FAST);
+    HOLDS(await_change(world, avatar, DCD_CHANGE_REFUSED).reason == DCD_REFUSED_TOO_FAST);
     HOLDS(dcd_body_is_valid(world, avatar));
 
     OK(dcd_body_destroy(world, avatar));
     HOLDS(!dcd_body_is_valid(world, avatar));
     FAILS(dcd_body_destroy(world, avatar), DCD_ERR_STALE_ID, "");
-    HOLDS(await_change(world, avatar, DCD_BODY_REMOVED).user_data == 7);
+    HOLDS(await_change(world, avatar, DCD_CHANGE_REMOVED).user_data == 7);
     OK(dcd_own_avatars(world, NULL, 0, &count));
     HOLDS(count == 0);
 
@@ -383,7 +383,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_body_create(world, &def, &avatar));
     fast.linear[0] = 500.0f;
     FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
-    await_change(world, avatar, DCD_BODY_APPEARED);
+    await_change(world, avatar, DCD_CHANGE_APPEARED);
     FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
     OK(dcd_body_destroy(world, avatar));
 }
@@ -429,7 +429,7 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     DcdBodyId avatar, seen, ground;
     size_t count = 0;
     OK(dcd_body_create(mover, &def, &avatar));
-    await_change(mover, avatar, DCD_BODY_APPEARED);
+    await_change(mover, avatar, DCD_CHANGE_APPEARED);
     DcdStateView view = DCD_STATE_VIEW_INIT;
     while (count < 101 && step(watcher) == DCD_OK) {
         OK(dcd_state_view(watcher, &view));
@@ -499,7 +499,7 @@ static void comes_back(const char *server, const char *first, const char *second
     DcdBodyId avatar, found;
     size_t count;
     OK(dcd_body_create(world, &def, &avatar));
-    await_change(world, avatar, DCD_BODY_APPEARED);
+    await_change(world, avatar, DCD_CHANGE_APPEARED);
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -8.0));
@@ -519,7 +519,7 @@ static void comes_back(const char *server, const char *first, const char *second
     def = avatar_def(world);
     OK(dcd_body_create(world, &def, &avatar));
     HOLDS(avatar.v != found.v);
-    await_change(world, avatar, DCD_BODY_APPEARED);
+    await_change(world, avatar, DCD_CHANGE_APPEARED);
     OK(dcd_world_destroy(world));
 }
 
@@ -538,7 +538,7 @@ static void loses(const char *server, const char *token)
     FAILS(dcd_step(world), DCD_ERR_NETWORK, "server");
     DcdEventView events = DCD_EVENT_VIEW_INIT;
     OK(dcd_events(world, &events));
-    HOLDS((events.flags & DCD_EVENTS_LOST) != 0);
+    HOLDS((events.flags & DCD_EVENTS_DISCONNECTED) != 0);
     DcdStateView view = DCD_STATE_VIEW_INIT;
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 100);
@@ -555,7 +555,7 @@ static void survives(const char *server, const char *token)
     DcdBodyDef def = avatar_def(world);
     DcdBodyId avatar, second, found[2];
     OK(dcd_body_create(world, &def, &avatar));
-    await_change(world, avatar, DCD_BODY_APPEARED);
+    await_change(world, avatar, DCD_CHANGE_APPEARED);
     DcdVelocity east = { { 1.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     OK(step(world));
@@ -575,11 +575,11 @@ static void survives(const char *server, const char *token)
     HOLDS(count == 2 && found[1].v == second.v);
     puts("alone");
     fflush(stdout);
-    HOLDS(await_change(world, second, DCD_BODY_APPEARED).user_data == 7); /* the server is back */
+    HOLDS(await_change(world, second, DCD_CHANGE_APPEARED).user_data == 7); /* the server is back */
     from = pose_of(world, avatar).p[0];
     HOLDS(gets_beyond(world, avatar, from + 1.0));
     OK(dcd_body_destroy(world, second));
-    await_change(world, second, DCD_BODY_REMOVED);
+    await_change(world, second, DCD_CHANGE_REMOVED);
     DcdStateView view = DCD_STATE_VIEW_INIT;
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101);

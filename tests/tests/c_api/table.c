@@ -557,7 +557,7 @@ static void settle(Scene *s)
         OK(dcd_step(s->world));
         OK(dcd_events(s->world, &events));
         for (size_t k = 0; k < events.change_count; k++)
-            appeared |= events.changes[k].kind == DCD_BODY_APPEARED && events.changes[k].body.v == s->own.v;
+            appeared |= events.changes[k].kind == DCD_CHANGE_APPEARED && events.changes[k].body.v == s->own.v;
     }
     HOLDS(appeared);
     OK(dcd_body_at(s->world, 1, &s->other));

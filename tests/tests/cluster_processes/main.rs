@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 mod backed_up;
+mod board;
 mod configured;
 mod demo;
 mod drained;

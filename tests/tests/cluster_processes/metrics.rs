@@ -5,6 +5,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
+use crate::board;
 use crate::process::{LIMIT, Process, Server, dcd};
 
 /// Returns the address at which a process answers, from the line that it prints.
@@ -103,44 +104,6 @@ fn sum(values: &[Values], name: &str) -> f64 {
     values.iter().map(|values| values[name]).sum()
 }
 
-/// Checks that the manual lists exactly the metrics that are reported, and that the metrics in the dashboard
-/// and the alerts exist.
-fn check_manual<'a>(told: impl Iterator<Item = &'a Values>) {
-    let manual = include_str!("../../../dcd/manual/operating.md");
-    let told: Vec<_> = told.collect();
-    let board: serde_json::Value =
-        serde_json::from_str(include_str!("../../../packaging/grafana/dcd.json")).unwrap();
-    let panels = board["panels"].as_array().unwrap().iter();
-    let targets = panels.filter_map(|panel| panel["targets"].as_array()).flatten();
-    let mut asked: Vec<_> = targets.map(|target| target["expr"].as_str().unwrap()).collect();
-    assert!(asked.len() > 20, "the board has {} queries", asked.len());
-    let alerts = include_str!("../../../packaging/prometheus/alerts.yml");
-    let rules =
-        manual.split("```yaml\n").find(|block| block.starts_with("groups:")).expect("the manual has rules");
-    assert_eq!(rules.split("```").next(), Some(alerts), "the rules of the manual are those of packaging");
-    asked.extend(alerts.lines().filter(|line| line.trim_start().starts_with("expr: ")));
-    let series = told.iter().flat_map(|values| values.keys().map(|name| name.split('{').next().unwrap()));
-    let series: BTreeSet<_> = series.collect();
-    for expression in asked {
-        let words = expression.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
-        let mut names =
-            words.filter(|word| word.starts_with("dcd_") || word.starts_with("process_")).peekable();
-        // `up` comes from Prometheus itself.
-        assert!(names.peek().is_some() || expression.contains("up{"), "`{expression}` asks for nothing");
-        names.for_each(|name| assert!(series.contains(name), "`{expression}`: nobody tells {name}"));
-    }
-    let tables = manual.lines().filter(|line| line.starts_with("| `") && !line.starts_with("| `/"));
-    let cells = tables.filter_map(|line| line.split('|').nth(1));
-    let names = cells.flat_map(|cell| cell.split('`').filter(|name| name.contains('_')));
-    let named: BTreeSet<_> = names.map(|name| name.split('{').next().unwrap()).collect();
-    let family = |name: &'a String| {
-        let name = name.split('{').next().unwrap();
-        ["_bucket", "_sum", "_count"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name)
-    };
-    let told: BTreeSet<_> = told.iter().flat_map(|values| values.keys().map(family)).collect();
-    assert_eq!(told, named);
-}
-
 /// Waits until a condition holds, which must be soon.
 pub(crate) fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + LIMIT;
@@ -219,7 +182,7 @@ fn a_server_and_its_nodes_tell_prometheus_of_the_world_that_they_compute() {
     let world = wait("joins are counted", || {
         Some(scrape(&of_server)).filter(|world| world["dcd_joins_total"] == 2.0)
     });
-    check_manual(after.iter().chain([&world]));
+    board::check(after.iter().chain([&world]).flat_map(Values::keys));
     assert!(world["dcd_directory_commit_seconds_count"] > 0.0 && world["dcd_directory_bytes_total"] > 0.0);
     assert_eq!(world["dcd_world_views_total"], 1.0);
     let refused = "dcd_rejections_total{cause=\"join\"}";

@@ -110,7 +110,7 @@ fn main() -> ExitCode {
         Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Cores(cores) => cores.run().map(done),
-        Suite::FanOut(fan_out) => fan_out.run().map(done),
+        Suite::FanOut(fan_out) => fan_out.run(),
         Suite::FanOutProcess(process) => process.run().map(done),
         Suite::Faults(faults) => faults.run(),
         Suite::Fidelity(fidelity) => fidelity.run().map(done),

@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::Args;
 use serde::Serialize;
@@ -26,6 +27,12 @@ pub(crate) struct Output {
     /// Draws pictures and tables from the files, without measuring.
     #[arg(long)]
     draw: bool,
+}
+
+/// Says what missed its gates, each case with its name. Returns the suite's exit code: a failure if anything did.
+pub(crate) fn exit_code(missed: impl Iterator<Item = (String, String)>) -> ExitCode {
+    let count = missed.map(|(name, missed)| eprintln!("{name}: {missed}")).count();
+    if count == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 type Write<Row> = fn(&[Measured<Row>]) -> String;

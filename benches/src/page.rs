@@ -38,6 +38,11 @@ pub(crate) fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) 
     text
 }
 
+/// Returns the text of a cell, bold unless it is within its gate.
+pub(crate) fn bold_unless(text: String, holds: bool) -> String {
+    if holds { text } else { format!("**{text}**") }
+}
+
 /// Returns a sentence that says when, at which commits and on which machines something was measured.
 pub(crate) fn measured<'a>(what: &str, machines: impl Iterator<Item = &'a Machine> + Clone) -> String {
     let each = |of: fn(&Machine) -> String| {

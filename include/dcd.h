@@ -545,7 +545,8 @@ typedef struct DcdParticipantDef {
     uint64_t user_data;
     // Number of threads that compute the participant's share of the world, 1 to 1024; 0: one per core.
     uint32_t threads;
-    // Time that the server may be out of reach later on, milliseconds, as in DcdClientDef.
+    // Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: the participant waits without
+    // end, since it computes a share of the world.
     uint32_t give_up_ms;
     // Centre of the first area of interest, metres, as in DcdClientDef.
     double interest_centre[3];
@@ -2753,7 +2754,7 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 DCD_API DcdStatus dcd_server_create(const DcdServerDef *def, DcdWorld *out);
 
 // Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. All
-// processes dial a server that is made in the same way: nodes without end, clients and participants for half a minute
+// processes dial a server that is made in the same way: nodes and participants without end, clients for half a minute
 // (give_up_ms). From here on dcd_step fails with DCD_ERR_NETWORK; dcd_world_destroy frees the handle.
 //
 // Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (the world is not a server).

@@ -67,7 +67,8 @@ pub struct DcdParticipantDef {
     pub user_data: u64,
     /// Number of threads that compute the participant's share of the world, 1 to 1024; 0: one per core.
     pub threads: u32,
-    /// Time that the server may be out of reach later on, milliseconds, as in DcdClientDef.
+    /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: the participant waits without
+    /// end, since it computes a share of the world.
     pub give_up_ms: u32,
     /// Centre of the first area of interest, metres, as in DcdClientDef.
     pub interest_centre: [f64; 3],

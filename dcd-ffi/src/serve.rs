@@ -269,7 +269,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
 }
 
 /// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. All
-/// processes dial a server that is made in the same way: nodes without end, clients and participants for half a minute
+/// processes dial a server that is made in the same way: nodes and participants without end, clients for half a minute
 /// (give_up_ms). From here on dcd_step fails with DCD_ERR_NETWORK; dcd_world_destroy frees the handle.
 ///
 /// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (the world is not a server).

@@ -17,7 +17,7 @@ use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::summary::Summary;
 use super::truth::Truth;
-use super::values::{GIVE_UP, SERVER, address, joining, positive, reachable, speed, wall_seconds};
+use super::values::{SERVER, address, joining, positive, reachable, speed, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::Viewer;
 use crate::drawing::Told;
@@ -79,9 +79,9 @@ pub(super) struct Client {
     /// With --compute: the address at which others reach this process, if not the one it listens on
     #[arg(long, value_name = "ADDR", value_parser = reachable, requires = "compute")]
     advertise: Option<SocketAddr>,
-    /// How long to wait for a server that is out of reach after joining, in seconds
-    #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
-    give_up: Duration,
+    /// How long to wait for a server that is out of reach after joining, in seconds [default: 30; with --compute without end]
+    #[arg(long, value_name = "SECONDS", value_parser = wall_seconds)]
+    give_up: Option<Duration>,
     /// File that keeps the client's identity: with it, and a new token for each start, the client goes on with
     /// the same avatars, where they were
     #[arg(long, value_name = "FILE")]
@@ -254,16 +254,15 @@ impl Client {
         let (json, bandwidth, compute, limit) = (self.json, self.bandwidth, self.compute, self.seconds);
         let join = JoinConfig {
             identity: self.identity,
-            give_up: Some(self.give_up),
+            give_up: self.give_up,
             // Later it follows the first avatar.
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
             ..joining(&self.server, interrupt.at_once(|| self.token.read(true))?)
         };
-        let truth = self
-            .truth
-            .map(|token| JoinConfig { give_up: Some(self.give_up), ..joining(&self.server, token) });
+        let truth =
+            self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });
         // Everything that may fail here comes before the token is used up.
         let name = format!("a client of {}", self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name, common)).transpose()?;

@@ -11,9 +11,6 @@ use crate::runtime::{JoinConfig, is_there};
 /// Default address of servers.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
 
-/// Default time to wait for a server that is out of reach, in seconds.
-pub(super) const GIVE_UP: &str = "30";
-
 /// Parses an address with its port; names are looked up.
 pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(address) = text.parse() {

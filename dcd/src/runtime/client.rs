@@ -41,8 +41,8 @@ pub struct JoinConfig {
     /// The longest time that the server may be out of reach after joining before the process gives up. It counts
     /// from when that was noticed: a client does so 10 to 14 s after it last heard of a server that was killed,
     /// or 2 to 3 s where it has several addresses. Meanwhile the process dials again and again. `None` means 30 s
-    /// for a client or participant. A node then waits without end, since the world is at its nodes until a server
-    /// is back.
+    /// for a client. A node or participant then waits without end, since the world is at those that compute it
+    /// until a server is back.
     pub give_up: Option<Duration>,
     /// The area of interest at first. The process is sent the bodies in the area, the scenery that reaches
     /// into it, and their shapes and joints; later it is sent what comes there, or lies where the area is

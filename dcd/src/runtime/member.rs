@@ -26,7 +26,7 @@ use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
 use crate::metrics::Endpoint;
-use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, PeerStats};
+use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, PeerName, PeerStats};
 use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
@@ -72,10 +72,11 @@ pub struct MemberConfig {
 pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
-    /// Returns the usual settings for this identity. A node waits for its server without end, a client or
-    /// participant for 30 s.
+    /// Returns the usual settings for this identity. A client waits for its server for 30 s. A node or
+    /// participant waits without end: while no server is there, the world stops when a process that computes
+    /// goes.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
-        let give_up = identity.client().map(|_| GIVE_UP);
+        let give_up = usual_give_up(identity.who());
         Self {
             server,
             standbys: Vec::new(),
@@ -92,6 +93,11 @@ impl MemberConfig {
             onlooker: None,
         }
     }
+}
+
+/// Returns how long a process waits for a server that is out of reach, where nobody says; `None`: without end.
+fn usual_give_up(who: PeerName) -> Option<Duration> {
+    who.is_client_only().then_some(GIVE_UP)
 }
 
 /// A summary of what a node has done, for people and for the demo.
@@ -456,6 +462,18 @@ fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::{ClientId, NodeId};
+
+    #[test]
+    fn who_computes_a_part_of_the_world_waits_for_its_server_without_end() {
+        let (node, client) = (NodeId(1), ClientId(2));
+        for computes in [PeerName::Node(node), PeerName::Participant(node, client)] {
+            assert_eq!(usual_give_up(computes), None);
+        }
+        for watches in [PeerName::Client(client), PeerName::Builder(client)] {
+            assert_eq!(usual_give_up(watches), Some(GIVE_UP));
+        }
+    }
 
     #[test]
     fn a_node_of_a_far_server_listens_where_that_server_and_others_reach_it() {

@@ -77,7 +77,7 @@ impl World {
 
     /// Stops this server without ending its world, and writes what it knows of the world to the data folder.
     /// Nodes go on computing, and all processes dial a server that is started again with the same settings:
-    /// nodes without end, clients and participants for half a minute, unless [`JoinConfig::give_up`] says
+    /// nodes and participants without end, clients for half a minute, unless [`JoinConfig::give_up`] says
     /// otherwise. From now on every step returns an error. Dropping a server that was not suspended ends its
     /// world for all.
     ///

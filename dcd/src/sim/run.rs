@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::network::{Arrival, Delivery};
 use super::world::{NodeProcess, Sim, name};
-use super::{Random, Sample, Scope, Spoilt, Violation, records};
+use super::{Random, Sample, Scope, Violation, records};
 use crate::cluster::directory::Directory;
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, Server,
@@ -13,8 +13,8 @@ use crate::cluster::{
 };
 use crate::playback::ViewTime;
 use crate::protocol::{
-    BodyRecord, Chunk, DATAGRAM_BYTES, Finding, Message, ToClient, ToNode, ToServer, Velocity, View,
-    ViewNumber, decode, encode,
+    BodyRecord, Chunk, DATAGRAM_BYTES, Finding, Message, ToClient, ToNode, ToServer, View, ViewNumber,
+    decode, encode,
 };
 use crate::recording::{RecordedServer, digests_of, tick_of};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
@@ -263,10 +263,10 @@ impl Sim {
                 }
             }
             Message::ToNode(ToNode::Finish { survivors, .. }) => self.finishes(to, survivors),
-            Message::ToNode(ToNode::Chunk(Chunk::Placed(placed)))
-                if self.spoilt == Some(Spoilt::Recovered) =>
-            {
-                placed.iter_mut().for_each(|placed| placed.body.state.velocity = Velocity::default());
+            Message::ToNode(ToNode::Chunk(Chunk::Placed(placed))) => {
+                if let Some(spoilt) = self.spoilt {
+                    placed.iter_mut().for_each(|placed| spoilt.spoil_recovered(&mut placed.body.state));
+                }
             }
             _ => {}
         }

@@ -13,14 +13,30 @@ pub enum Spoilt {
     /// The body arrives unspoilt from its owner, but without its velocity from the server, as after a node's
     /// death.
     Recovered,
+    /// The body arrives some centimetres aside, from its owner as from the server.
+    Aside,
 }
 
+/// How far aside a body arrives, metres.
+const ASIDE_M: f64 = 0.1;
+
 impl Spoilt {
+    /// Spoils a state that a body's owner hands over.
     pub(super) fn spoil(self, state: &mut BodyState, dt_s: f32) {
         match self {
             Self::Halted => state.velocity = Velocity::default(),
             Self::Recovered => {}
             Self::Stale => state.pose = state.pose.moved(&state.velocity, -f64::from(dt_s)),
+            Self::Aside => state.pose.translation[0] += ASIDE_M,
+        }
+    }
+
+    /// Spoils a state that the server hands over.
+    pub(super) fn spoil_recovered(self, state: &mut BodyState) {
+        match self {
+            Self::Halted | Self::Stale => {}
+            Self::Recovered => state.velocity = Velocity::default(),
+            Self::Aside => state.pose.translation[0] += ASIDE_M,
         }
     }
 }

@@ -210,6 +210,38 @@ fn readiness(over: Option<&'static str>, turned: Option<Duration>) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cluster::{Record, ServerConfig, ServerOrigin};
+    use crate::protocol::Hindrance;
+    use crate::sim::sim_world;
+    use crate::space::{NodeId, Tick};
+
+    #[test]
+    fn verdicts_on_participants_are_counted_by_what_was_found() {
+        let world = sim_world(1);
+        let region = world.tree.leaves().next().unwrap();
+        let config = ServerConfig {
+            world,
+            incarnation: 1,
+            min_nodes: 1,
+            grouping: Default::default(),
+            avatar_expiry: Duration::from_secs(60),
+            events: false,
+            can_build: |_, _| true,
+        };
+        let origin = ServerOrigin::New(Record::new(Vec::new(), Vec::new(), Vec::new()));
+        let server = RecordedServer::begin(config, origin, None).unwrap();
+        let metrics = ServerMetrics::new(Arc::new(Mutex::new(server)));
+        let contradicts = [1, 2].map(|node| Finding::Contradicts(NodeId(node)));
+        let given_up = [Finding::GivenUp(Hindrance::Unknown); 3];
+        for finding in [Finding::Deviates(region)].into_iter().chain(contradicts).chain(given_up) {
+            metrics.put_out(&ServerOutput::Verdict { node: NodeId(3), tick: Tick(7), finding });
+        }
+        let text = metrics.metrics();
+        for (finding, count) in [("deviates", 1), ("contradicts", 2), ("given_up", 3)] {
+            let line = format!("dcd_verdicts_total{{finding=\"{finding}\"}} {count}\n");
+            assert!(text.contains(&line), "no `{line}` in {text}");
+        }
+    }
 
     #[test]
     fn a_server_lets_nobody_in_before_it_turns_while_it_is_held_up_and_when_it_is_over() {

@@ -59,8 +59,12 @@ fn what_touches_holds_when_regions_move() {
 
 /// Runs a seed in which nothing goes wrong but the planted bug.
 fn planted(scene: ContactScene, spoilt: Option<Spoilt>) -> Option<String> {
+    planted_beside(FaultProfile::None, scene, spoilt)
+}
+
+/// Runs a seed in which nothing goes wrong but this profile's faults and the planted bug.
+fn planted_beside(profile: FaultProfile, scene: ContactScene, spoilt: Option<Spoilt>) -> Option<String> {
     let config = TrialConfig { spoilt, ..trial(scene) };
-    let profile = FaultProfile::None;
     match run_trial(&config, profile, 1, &profile.schedule(1)).violation {
         Some(Violation::Strained { what, .. }) => Some(what),
         None => None,
@@ -79,6 +83,14 @@ fn a_velocity_that_is_lost_in_a_hand_over_is_found() {
 fn a_body_that_is_handed_over_a_tick_late_is_found() {
     let found = planted(ContactScene::Crowd, Some(Spoilt::Stale)).expect("it is found");
     assert!(found.contains("is not where its velocity brought it"), "{found}");
+}
+
+#[test]
+fn boxes_that_stand_and_are_handed_over_aside_as_nodes_die_are_found() {
+    let found = |spoilt| planted_beside(FaultProfile::KillNode, ContactScene::Stack, spoilt);
+    assert_eq!(found(None), None);
+    let found = found(Some(Spoilt::Aside)).expect("it is found");
+    assert!(found.contains("a body that stood has moved"), "{found}");
 }
 
 #[test]

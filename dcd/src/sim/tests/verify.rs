@@ -244,3 +244,21 @@ fn what_touches_is_computed_once_more_to_the_same_bits() {
         assert!(verified > 300, "{scene}: {verified} ticks");
     }
 }
+
+/// A bit of a body that touches others is flipped, on one of two participants.
+#[test]
+fn a_participant_that_computes_what_touches_otherwise_by_one_bit_is_found_within_three_ticks() {
+    for scene in ContactScene::ALL {
+        for seed in 1..3 {
+            let cheat = NodeId(2 + (seed % 2) as u32);
+            let mut sim = scene.begin()(SimConfig { verify: true, ..config(seed, 3) });
+            // What the cheat does to its bodies is no fault of a hand-over.
+            sim.watch = None;
+            sim.flip(cheat, Tick(30));
+            let (node, tick) = found(&mut sim);
+            assert_eq!(node, cheat, "{scene}, seed {seed}");
+            let flipped = sim.flipped().unwrap().tick;
+            assert!(flipped < tick && tick.0 <= flipped.0 + 3, "{scene}, seed {seed}: {tick}");
+        }
+    }
+}

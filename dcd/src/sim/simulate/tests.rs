@@ -7,13 +7,15 @@ fn few(config: &TrialConfig, profile: FaultProfile, seeds: Range<u64>) -> Row {
     simulate(config, profile, seeds, 2, &|| true)
 }
 
-fn hold(profiles: &[FaultProfile], seeds: Range<u64>) {
-    for &profile in profiles {
+fn hold(profiles: &[FaultProfile], seeds: Range<u64>) -> Vec<Row> {
+    let check = |&profile: &FaultProfile| {
         let row = few(&TrialConfig::default(), profile, seeds.clone());
         let failures: String = row.failures.iter().map(|failure| format!("{profile}: {failure}")).collect();
         assert_eq!((row.seeds, row.violations), (seeds.end - seeds.start, 0), "{failures}");
         assert!(row.holds(), "{profile}: p99 of what clients see is {:?} ms old", row.staleness_ms);
-    }
+        row
+    };
+    profiles.iter().map(check).collect()
 }
 
 #[test]
@@ -37,6 +39,14 @@ fn the_world_holds_when_processes_are_killed_or_stopped() {
 #[test]
 fn the_world_holds_when_it_goes_back_to_a_save() {
     hold(&[FaultProfile::Restore], 0..12);
+}
+
+/// Of the seeds of these rows one kills nodes and one cuts them off.
+#[test]
+fn the_world_holds_when_regions_follow_the_load_and_nodes_come_go_or_tire() {
+    use FaultProfile::{Grow, Rebalance, Shrink, SlowNode};
+    let rows = hold(&[Rebalance, Grow, Shrink, SlowNode], 1..3);
+    assert!(rows.iter().all(|row| row.tally.evictions > 0), "nodes are killed and cut off");
 }
 
 #[test]

@@ -245,7 +245,8 @@ fn served_ms(scene: &Scene) -> f64 {
 fn a_hundred_thousand_boxes_at_rest_are_measured_beside_a_thousand_that_move() {
     let [alone, beside] = [0, 100_000].map(room_beside);
     let through = || Partitioning::Cuts(vec![(Axis::X, -20.0)]);
-    let cuts: [(&str, &dyn Fn(&Scene) -> f64); 4] = [
+    type Ms<'a> = &'a dyn Fn(&Scene) -> f64;
+    let cuts: [(&str, Ms<'_>); 4] = [
         ("one region", &|scene| local_ms(scene, Partitioning::Regions(1))),
         ("two regions, cut between both", &|scene| local_ms(scene, through())),
         ("sixteen regions", &|scene| local_ms(scene, Partitioning::Regions(16))),

@@ -909,9 +909,9 @@ typedef struct DcdGround {
 typedef struct DcdCharacterState {
     // Size of this struct: sizeof(DcdCharacterState).
     uint32_t struct_size;
-    // Whether the character stands on something. Only then can it jump.
+    // Says whether the character stands on something. Only then can it jump.
     bool grounded;
-    // Whether the character slides down ground that is steeper than its min_slide.
+    // Says whether the character slides down ground that is steeper than its min_slide.
     bool sliding;
     // Reserved; always 0.
     uint8_t reserved[2];

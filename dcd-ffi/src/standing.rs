@@ -36,9 +36,9 @@ pub struct DcdGround {
 pub struct DcdCharacterState {
     /// Size of this struct: sizeof(DcdCharacterState).
     pub struct_size: u32,
-    /// Whether the character stands on something. Only then can it jump.
+    /// Says whether the character stands on something. Only then can it jump.
     pub grounded: bool,
-    /// Whether the character slides down ground that is steeper than its min_slide.
+    /// Says whether the character slides down ground that is steeper than its min_slide.
     pub sliding: bool,
     /// Reserved; always 0.
     pub reserved: [u8; 2],

@@ -1,4 +1,4 @@
-//! Measures how a budget is kept in a town whose load doubles at once.
+//! Measures how a budget is kept in a town to which as many bodies come at once as it has.
 
 use std::error::Error;
 use std::time::Instant;
@@ -24,6 +24,7 @@ const GOAL_PERCENT: f64 = 1.0;
 const FIRST_TICKS: usize = 60;
 /// Boxes fall this far from the borders of a region, so that they tie no regions together.
 const MARGIN_M: f64 = 4.0;
+/// The sides of the boxes, the distance between their centres, and the most layers of them.
 const SIDE_M: f64 = 0.5;
 const APART_M: f64 = 1.0;
 const LAYERS: usize = 12;
@@ -46,7 +47,7 @@ pub(super) struct Row {
     over_percent: f64,
 }
 
-/// Doubles the load of a town where nobody looks, with budgets of so many times what a step took before.
+/// Doubles the bodies of a town where nobody looks, with budgets of so many times what a step took before.
 pub(super) fn measure(case: Case, ticks: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let scene = scene_of(case, 1)?;
     let full_ms = full_step_ms(&scene)?;
@@ -132,7 +133,6 @@ fn table(rows: &[Measured<Row>]) -> String {
 
 impl Row {
     fn cells(&self) -> Vec<String> {
-        let over = format!("{:.1}", self.over_percent);
         vec![
             self.bodies.to_string(),
             self.come.to_string(),
@@ -142,7 +142,7 @@ impl Row {
             short(self.step_ms),
             short(self.longest_ms),
             format!("{:.0}", self.first_percent),
-            if self.over_percent > GOAL_PERCENT { format!("**{over}**") } else { over },
+            page::bold_unless(format!("{:.1}", self.over_percent), self.over_percent <= GOAL_PERCENT),
         ]
     }
 }

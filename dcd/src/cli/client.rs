@@ -79,7 +79,7 @@ pub(super) struct Client {
     /// With --compute: the address at which others reach this process, if not the one it listens on
     #[arg(long, value_name = "ADDR", value_parser = reachable, requires = "compute")]
     advertise: Option<SocketAddr>,
-    /// How long to wait for a server that is out of reach after joining, in seconds [default: 30; with --compute without end]
+    /// Time to wait for a server that is out of reach after joining, in seconds [default: 30; with --compute without end]
     #[arg(long, value_name = "SECONDS", value_parser = wall_seconds)]
     give_up: Option<Duration>,
     /// File that keeps the client's identity: with it, and a new token for each start, the client goes on with

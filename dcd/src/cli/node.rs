@@ -56,7 +56,7 @@ pub(super) struct Node {
     /// File that keeps the node's identity: with it the node joins again under the same name
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
-    /// How long to wait for a server that is out of reach after joining, in seconds [default: without end]
+    /// Time to wait for a server that is out of reach after joining, in seconds [default: without end]
     #[arg(long, value_name = "SECONDS", value_parser = wall_seconds)]
     give_up: Option<Duration>,
     /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again

@@ -7,7 +7,7 @@ use super::ProcessError;
 use crate::net::CloseCode;
 use crate::protocol::Farewell;
 
-/// How long a client waits for a broken link by default. A server that is started again is back by then, and
+/// The time that a client waits for a broken link by default. A server that is started again is back by then, and
 /// without the client the world goes on.
 pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 

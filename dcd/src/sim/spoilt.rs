@@ -17,7 +17,7 @@ pub enum Spoilt {
     Aside,
 }
 
-/// How far aside a body arrives, metres.
+/// The distance by which a body arrives aside, metres.
 const ASIDE_M: f64 = 0.1;
 
 impl Spoilt {

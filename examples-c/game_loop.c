@@ -209,7 +209,7 @@ int main(int argc, char **argv)
     DcdQueryId query;
     size_t answers;
     DcdStatus asked;
-    check(dcd_rays_submit(world, &ray, 1, NULL, &query));
+    check(dcd_cast_rays_submit(world, &ray, 1, NULL, &query));
     /* A local world answers at once, nodes within some steps. dcd_cast_rays is for local worlds alone. */
     while ((asked = dcd_query_poll(world, query, &hit, 1, &answers)) == DCD_ERR_BUSY) {
         check(dcd_step(world));

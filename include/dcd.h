@@ -1505,8 +1505,8 @@ typedef struct DcdConnectionInfo {
     uint32_t client;
     // Share of the packets sent that got lost on the way, 0 to 1.
     float loss;
-    // Round trip, milliseconds.
-    double rtt_ms;
+    // Round trip, seconds.
+    double rtt;
     // Time since the connection came, seconds.
     double age;
     // Bytes received over the connection, without those of QUIC itself.
@@ -1657,7 +1657,7 @@ typedef struct DcdMessage {
     uint32_t flags;
 } DcdMessage;
 
-// Joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is up to the
+// Joint that bore more than its strength in the step (dcd_joint_set_strength), in a local world. Whether it breaks is up to the
 // program: dcd_joint_destroy breaks it.
 typedef struct DcdJointOverload {
     // The joint.
@@ -2693,7 +2693,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 //   on. Contacts are reported of the client's own avatars, if these ask for them.
 // - Bodies. They are where they were when last heard of, some ticks ago. Bodies of others can only be read.
 // - Unsupported. Joints, forces and impulses, sleep, dcd_borders, dcd_state_hash and queries return DCD_ERR_UNSUPPORTED, except
-//   for queries that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
+//   for queries that are submitted (dcd_cast_rays_submit, dcd_cast_shapes_submit, dcd_overlap_shapes_submit and the like).
 // - Leaving. dcd_world_destroy leaves in order. The avatars leave with the client, and come back when it joins with the same
 //   identity file.
 //
@@ -2737,7 +2737,7 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 //   computed alike by all nodes.
 // - Reading bodies. Bodies are read from the record: as nodes last told, at most half a second ago. To see them move, join the
 //   world, also from the same process.
-// - Queries. The nodes answer what is submitted (dcd_rays_submit and the like), after what the program did before.
+// - Queries. The nodes answer what is submitted (dcd_cast_rays_submit and the like), after what the program did before.
 // - Events. dcd_events reports connections, messages, and the contacts of all bodies that ask for them, but for some while nodes
 //   join or leave.
 // - Ending. dcd_world_destroy ends the world for all, and so does `dcd end`. After dcd_server_suspend, or when the process ends
@@ -3511,7 +3511,7 @@ DcdStatus dcd_body_joints(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT (numbers below 0 or NaN), DCD_ERR_UNSUPPORTED (in a
 // served world).
 DCD_API
-DcdStatus dcd_joint_strength_set(DcdWorld world,
+DcdStatus dcd_joint_set_strength(DcdWorld world,
                                  DcdJointId joint,
                                  float force,
                                  float torque);
@@ -3828,8 +3828,8 @@ DcdStatus dcd_hooks_set(DcdWorld world,
 //
 // This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask
 // one world at the same time. A hundred and more queries of one call are spread over DcdWorldDef.threads. Queries are answered
-// only where the whole world is. In a served world they give DCD_ERR_UNSUPPORTED; ask there by dcd_rays_submit,
-// dcd_shape_casts_submit, dcd_overlap_shapes_submit, dcd_overlap_points_submit and dcd_overlap_boxes_submit.
+// only where the whole world is. In a served world they give DCD_ERR_UNSUPPORTED; ask there by dcd_cast_rays_submit,
+// dcd_cast_shapes_submit, dcd_overlap_shapes_submit, dcd_overlap_points_submit and dcd_overlap_boxes_submit.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors:
@@ -3986,30 +3986,30 @@ DcdStatus dcd_overlap_box_each(DcdWorld world,
 // - DCD_ERR_NETWORK: the link is gone.
 // - DCD_ERR_UNSUPPORTED: a node.
 DCD_API
-DcdStatus dcd_rays_submit(DcdWorld world,
-                          const DcdRay *rays,
-                          size_t count,
-                          const DcdFilter *filter,
-                          DcdQueryId *out);
+DcdStatus dcd_cast_rays_submit(DcdWorld world,
+                               const DcdRay *rays,
+                               size_t count,
+                               const DcdFilter *filter,
+                               DcdQueryId *out);
 
 // Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. It is as dcd_cast_shapes,
-// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+// where and when dcd_cast_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
 // Errors:
-// - As dcd_rays_submit, DCD_ERR_STALE_ID also for a shape.
+// - As dcd_cast_rays_submit, DCD_ERR_STALE_ID also for a shape.
 // - DCD_ERR_ARGUMENT also: a mesh or terrain, a turn longer than DCD_MAX_SUBMITTED_TURN, a turn of a shape larger than
 //   DCD_MAX_TURNING_SIZE, or a turn with DCD_QUERY_LEAVE.
 DCD_API
-DcdStatus dcd_shape_casts_submit(DcdWorld world,
+DcdStatus dcd_cast_shapes_submit(DcdWorld world,
                                  const DcdShapeCast *casts,
                                  size_t count,
                                  const DcdFilter *filter,
                                  DcdQueryId *out);
 
 // Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. It is as
-// dcd_overlap_shapes, where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+// dcd_overlap_shapes, where and when dcd_cast_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 //
-// Errors: as dcd_rays_submit, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+// Errors: as dcd_cast_rays_submit, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
 DCD_API
 DcdStatus dcd_overlap_shapes_submit(DcdWorld world,
                                     const DcdShapeQuery *shapes,
@@ -4018,9 +4018,9 @@ DcdStatus dcd_overlap_shapes_submit(DcdWorld world,
                                     DcdQueryId *out);
 
 // Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. It is as
-// dcd_overlap_points, where and when dcd_rays_submit answers.
+// dcd_overlap_points, where and when dcd_cast_rays_submit answers.
 //
-// Errors: as dcd_rays_submit.
+// Errors: as dcd_cast_rays_submit.
 DCD_API
 DcdStatus dcd_overlap_points_submit(DcdWorld world,
                                     const DcdPointQuery *points,
@@ -4029,9 +4029,9 @@ DcdStatus dcd_overlap_points_submit(DcdWorld world,
                                     DcdQueryId *out);
 
 // Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. It is as
-// dcd_overlap_boxes, where and when dcd_rays_submit answers.
+// dcd_overlap_boxes, where and when dcd_cast_rays_submit answers.
 //
-// Errors: as dcd_rays_submit, DCD_ERR_ARGUMENT also for a box whose min is above its max.
+// Errors: as dcd_cast_rays_submit, DCD_ERR_ARGUMENT also for a box whose min is above its max.
 DCD_API
 DcdStatus dcd_overlap_boxes_submit(DcdWorld world,
                                    const DcdBoxQuery *boxes,
@@ -4125,7 +4125,7 @@ DcdStatus dcd_body_owner(DcdWorld world,
 // - Bodies outside. They stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 //   DcdStateView.flags and with DcdBodyInfo.outside. That they are removed or touch avatars of this process is reported all the
 //   same. So is that they appear, unless the client joined with an interest.
-// - Queries. What is submitted is answered from the whole world (dcd_rays_submit).
+// - Queries. What is submitted is answered from the whole world (dcd_cast_rays_submit).
 // - Leaving and entering. What leaves the area is told so. What comes in, by its own motion or as the interest moves over it, is
 //   told within a few steps, also when it rests by then. It counts as outside until then.
 //

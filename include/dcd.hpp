@@ -928,7 +928,7 @@ public:
     /* Sets how much the locked axes of a joint bear: newtons and newton metres. */
     Status joint_strength_set(JointId joint, float force, float torque)
     {
-        return Status(dcd_joint_strength_set(world_, joint, force, torque));
+        return Status(dcd_joint_set_strength(world_, joint, force, torque));
     }
     Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
 
@@ -963,7 +963,7 @@ public:
     /* Submits rays, which are answered later, in a served world too: there they may hit bodies that this process does not know. */
     Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
     {
-        return got<QueryId>([&](QueryId *out) { return dcd_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
+        return got<QueryId>([&](QueryId *out) { return dcd_cast_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
     }
     /* Returns the answer to submitted rays; nothing while it is not there. */
     Result<std::optional<std::vector<RayHit>>> query_poll(QueryId query)
@@ -974,7 +974,7 @@ public:
     Result<QueryId> shape_casts_submit(Span<const ShapeCast> casts, const Filter &filter = {})
     {
         return got<QueryId>(
-            [&](QueryId *out) { return dcd_shape_casts_submit(world_, casts.data(), casts.size(), &filter, out); });
+            [&](QueryId *out) { return dcd_cast_shapes_submit(world_, casts.data(), casts.size(), &filter, out); });
     }
     Result<QueryId> overlap_shapes_submit(Span<const ShapeQuery> shapes, const Filter &filter = {})
     {

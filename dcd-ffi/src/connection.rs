@@ -96,8 +96,8 @@ pub struct DcdConnectionInfo {
     pub client: u32,
     /// Share of the packets sent that got lost on the way, 0 to 1.
     pub loss: f32,
-    /// Round trip, milliseconds.
-    pub rtt_ms: f64,
+    /// Round trip, seconds.
+    pub rtt: f64,
     /// Time since the connection came, seconds.
     pub age: f64,
     /// Bytes received over the connection, without those of QUIC itself.
@@ -181,7 +181,7 @@ impl From<&Connection> for DcdConnectionInfo {
             node,
             client,
             loss: (traffic.packets_lost as f64 / traffic.packets_out.max(1) as f64) as f32,
-            rtt_ms: traffic.rtt.as_secs_f64() * 1e3,
+            rtt: traffic.rtt.as_secs_f64(),
             age: connection.age.as_secs_f64(),
             bytes_in: traffic.bytes_in,
             bytes_out: traffic.bytes_out,

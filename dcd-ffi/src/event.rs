@@ -169,7 +169,7 @@ pub struct DcdBodyChange {
     pub reason: u32,
 }
 
-/// Joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is up to the
+/// Joint that bore more than its strength in the step (dcd_joint_set_strength), in a local world. Whether it breaks is up to the
 /// program: dcd_joint_destroy breaks it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]

@@ -22,7 +22,7 @@ use crate::status::{DcdStatus, Failure};
 /// - Bodies outside. They stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
 ///   DcdStateView.flags and with DcdBodyInfo.outside. That they are removed or touch avatars of this process is reported all the
 ///   same. So is that they appear, unless the client joined with an interest.
-/// - Queries. What is submitted is answered from the whole world (dcd_rays_submit).
+/// - Queries. What is submitted is answered from the whole world (dcd_cast_rays_submit).
 /// - Leaving and entering. What leaves the area is told so. What comes in, by its own motion or as the interest moves over it, is
 ///   told within a few steps, also when it rests by then. It counts as outside until then.
 ///

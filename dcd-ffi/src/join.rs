@@ -112,7 +112,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 ///   on. Contacts are reported of the client's own avatars, if these ask for them.
 /// - Bodies. They are where they were when last heard of, some ticks ago. Bodies of others can only be read.
 /// - Unsupported. Joints, forces and impulses, sleep, dcd_borders, dcd_state_hash and queries return DCD_ERR_UNSUPPORTED, except
-///   for queries that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
+///   for queries that are submitted (dcd_cast_rays_submit, dcd_cast_shapes_submit, dcd_overlap_shapes_submit and the like).
 /// - Leaving. dcd_world_destroy leaves in order. The avatars leave with the client, and come back when it joins with the same
 ///   identity file.
 ///

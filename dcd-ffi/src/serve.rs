@@ -165,7 +165,7 @@ unsafe impl Sized32 for DcdNodeDef {
 ///   computed alike by all nodes.
 /// - Reading bodies. Bodies are read from the record: as nodes last told, at most half a second ago. To see them move, join the
 ///   world, also from the same process.
-/// - Queries. The nodes answer what is submitted (dcd_rays_submit and the like), after what the program did before.
+/// - Queries. The nodes answer what is submitted (dcd_cast_rays_submit and the like), after what the program did before.
 /// - Events. dcd_events reports connections, messages, and the contacts of all bodies that ask for them, but for some while nodes
 ///   join or leave.
 /// - Ending. dcd_world_destroy ends the world for all, and so does `dcd end`. After dcd_server_suspend, or when the process ends

@@ -172,7 +172,7 @@ impl From<Unsupported> for Failure {
                 "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)"
             }
             Instead::SubmitQuery => {
-                "it hears where bodies are and computes nothing; submit what you ask (dcd_rays_submit and the like)"
+                "it hears where bodies are and computes nothing; submit what you ask (dcd_cast_rays_submit and the like)"
             }
             Instead::AskServer => {
                 "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it"

@@ -16,13 +16,13 @@ use crate::status::{DcdStatus, Failure};
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT (numbers below 0 or NaN), DCD_ERR_UNSUPPORTED (in a
 /// served world).
 #[unsafe(no_mangle)]
-pub extern "C" fn dcd_joint_strength_set(
+pub extern "C" fn dcd_joint_set_strength(
     world: DcdWorld,
     joint: DcdJointId,
     force: f32,
     torque: f32,
 ) -> DcdStatus {
-    guard("dcd_joint_strength_set", || {
+    guard("dcd_joint_set_strength", || {
         for (value, name) in [(force, "force"), (torque, "torque")] {
             if value.is_nan() || value < 0.0 {
                 return Err(Failure::argument(format!("{name} is {value}; give 0 or more, or INFINITY")));

@@ -164,7 +164,7 @@ fn layouts() -> Vec<Layout> {
         DcdStateView { struct_size, slot_count, tick, count, ids, poses, velocities, user_data, flags, regions, slots }
         DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
-            struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, udp_bytes_in, udp_bytes_out,
+            struct_size, state, role, node, client, loss, rtt, age, bytes_in, bytes_out, udp_bytes_in, udp_bytes_out,
             messages_in, messages_out, dropped, bytes_waiting
         }
         DcdMessage { connection, data, size, role, node, client, flags }

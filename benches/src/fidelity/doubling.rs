@@ -22,6 +22,9 @@ pub(super) const DOUBLING: Shown<Row> = Shown { name: "fidelity-doubling", table
 const GOAL_PERCENT: f64 = 1.0;
 /// The first second after the load has doubled.
 const FIRST_TICKS: usize = 60;
+/// Runs with the paces that one of them chose. The fastest time of a tick is without what the machine did
+/// meanwhile.
+const REPEATS: usize = 3;
 /// Boxes fall this far from the borders of a region, so that they tie no regions together.
 const MARGIN_M: f64 = 4.0;
 /// The sides of the boxes, the distance between their centres, and the most layers of them.
@@ -45,6 +48,8 @@ pub(super) struct Row {
     /// Ticks above the budget, percent: in the first second after the load has doubled, and afterwards.
     first_percent: f64,
     over_percent: f64,
+    /// The same as `over_percent`, where of each tick the fastest of [`REPEATS`] runs with the same paces counts.
+    repeated_percent: f64,
 }
 
 /// Doubles the bodies of a town where nobody looks, with budgets of so many times what a step took before.
@@ -53,26 +58,39 @@ pub(super) fn measure(case: Case, ticks: usize) -> Result<Vec<Row>, Box<dyn Erro
     let full_ms = full_step_ms(&scene)?;
     let budgets = [1.25, 1.5, 1.75].map(|times| times * full_ms);
     let settings = budgets.map(|tick_ms| Fidelity::Budget { tick_ms: tick_ms as f32 });
-    let mut worlds = vec![world(&scene, Fidelity::Off)?];
+    let mut full = world(&scene, Fidelity::Off)?;
+    let bodies = full.stats().bodies;
+    let mut all_ms = Vec::new();
+    let mut runs = Vec::new();
     for fidelity in settings {
-        worlds.push(world(&scene, fidelity)?);
+        let worlds: Result<Vec<_>, _> = (0..REPEATS).map(|_| world(&scene, fidelity)).collect();
+        runs.push((worlds?, Vec::new()));
     }
-    let bodies = worlds[0].stats().bodies;
-    let mut took_ms = vec![Vec::new(); worlds.len()];
     let mut come = 0;
     for step in 0..2 * WARM_UP + ticks {
-        for (world, took_ms) in worlds.iter_mut().zip(&mut took_ms) {
-            if step == 2 * WARM_UP {
-                come = rain(&scene, world, bodies)?;
+        if step == 2 * WARM_UP {
+            come = rain(&scene, &mut full, bodies)?;
+            for world in runs.iter_mut().flat_map(|(worlds, _)| worlds) {
+                rain(&scene, world, bodies)?;
             }
-            let start = Instant::now();
-            world.step()?;
-            took_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        all_ms.push(timed(&mut full)?);
+        for (worlds, took_ms) in &mut runs {
+            let (first, others) = worlds.split_first_mut().ok_or("no world")?;
+            let first_ms = timed(first)?;
+            let mut least_ms = first_ms;
+            for other in others {
+                other.repeat_paces(first.timed_paces());
+                least_ms = least_ms.min(timed(other)?);
+            }
+            took_ms.push([first_ms, least_ms]);
         }
     }
-    let over = |of: &[f64], budget_ms: f64| 100.0 * mean(of.iter().map(|ms| f64::from(*ms > budget_ms)));
-    let doubled_ms = mean(took_ms[0][2 * WARM_UP + FIRST_TICKS..].iter().copied());
-    let rows = budgets.into_iter().zip(&took_ms[1..]).map(|(budget_ms, took_ms)| {
+    let over = |of: &[[f64; 2]], budget_ms: f64, which: usize| {
+        100.0 * mean(of.iter().map(|ms| f64::from(ms[which] > budget_ms)))
+    };
+    let doubled_ms = mean(all_ms[2 * WARM_UP + FIRST_TICKS..].iter().copied());
+    let rows = budgets.into_iter().zip(&runs).map(|(budget_ms, (_, took_ms))| {
         let (first, later) = took_ms[2 * WARM_UP..].split_at(FIRST_TICKS);
         Row {
             bodies,
@@ -80,13 +98,21 @@ pub(super) fn measure(case: Case, ticks: usize) -> Result<Vec<Row>, Box<dyn Erro
             full_ms,
             doubled_ms,
             budget_ms,
-            step_ms: mean(later.iter().copied()),
-            longest_ms: later.iter().copied().fold(0.0, f64::max),
-            first_percent: over(first, budget_ms),
-            over_percent: over(later, budget_ms),
+            step_ms: mean(later.iter().map(|[ms, _]| *ms)),
+            longest_ms: later.iter().map(|[ms, _]| *ms).fold(0.0, f64::max),
+            first_percent: over(first, budget_ms, 0),
+            over_percent: over(later, budget_ms, 0),
+            repeated_percent: over(later, budget_ms, 1),
         }
     });
     Ok(rows.collect())
+}
+
+/// Steps a world. Returns how long that took, milliseconds.
+fn timed(world: &mut LocalWorld) -> Result<f64, Box<dyn Error>> {
+    let start = Instant::now();
+    world.step()?;
+    Ok(start.elapsed().as_secs_f64() * 1e3)
 }
 
 /// Drops `count` boxes into the regions that nobody looks at, or as many as there is room for. Returns their
@@ -127,6 +153,7 @@ fn table(rows: &[Measured<Row>]) -> String {
         "longest",
         "over budget in the first second, %",
         "afterwards, %",
+        "fastest of three, %",
     ];
     page::table(&head, rows.iter().map(|row| row.row.cells()))
 }
@@ -142,7 +169,8 @@ impl Row {
             short(self.step_ms),
             short(self.longest_ms),
             format!("{:.0}", self.first_percent),
-            page::bold_unless(format!("{:.1}", self.over_percent), self.over_percent <= GOAL_PERCENT),
+            format!("{:.1}", self.over_percent),
+            page::bold_unless(format!("{:.1}", self.repeated_percent), self.repeated_percent <= GOAL_PERCENT),
         ]
     }
 }

@@ -56,8 +56,8 @@ pub struct DcdRayHit {
 ///
 /// This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask
 /// one world at the same time. A hundred and more queries of one call are spread over DcdWorldDef.threads. Queries are answered
-/// only where the whole world is. In a served world they give DCD_ERR_UNSUPPORTED; ask there by dcd_rays_submit,
-/// dcd_shape_casts_submit, dcd_overlap_shapes_submit, dcd_overlap_points_submit and dcd_overlap_boxes_submit.
+/// only where the whole world is. In a served world they give DCD_ERR_UNSUPPORTED; ask there by dcd_cast_rays_submit,
+/// dcd_cast_shapes_submit, dcd_overlap_shapes_submit, dcd_overlap_points_submit and dcd_overlap_boxes_submit.
 ///
 /// `rays` and `filter` are read during the call; `hits` has `count` entries.
 /// Errors:

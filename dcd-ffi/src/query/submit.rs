@@ -72,14 +72,14 @@ const _: () = assert!(
 /// - DCD_ERR_NETWORK: the link is gone.
 /// - DCD_ERR_UNSUPPORTED: a node.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_rays_submit(
+pub unsafe extern "C" fn dcd_cast_rays_submit(
     world: DcdWorld,
     rays: *const DcdRay,
     count: usize,
     filter: *const DcdFilter,
     out: *mut DcdQueryId,
 ) -> DcdStatus {
-    guard("dcd_rays_submit", || {
+    guard("dcd_cast_rays_submit", || {
         // SAFETY: the caller vouches for `count` rays, the filter and `out`.
         let (batch, out) = unsafe { (Batch::new(rays, count, "rays", filter)?, Out::new(out, "out")?) };
         submit(world, &batch, Kind::Rays, out, |world, _| {
@@ -89,21 +89,21 @@ pub unsafe extern "C" fn dcd_rays_submit(
 }
 
 /// Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. It is as dcd_cast_shapes,
-/// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+/// where and when dcd_cast_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
 /// Errors:
-/// - As dcd_rays_submit, DCD_ERR_STALE_ID also for a shape.
+/// - As dcd_cast_rays_submit, DCD_ERR_STALE_ID also for a shape.
 /// - DCD_ERR_ARGUMENT also: a mesh or terrain, a turn longer than DCD_MAX_SUBMITTED_TURN, a turn of a shape larger than
 ///   DCD_MAX_TURNING_SIZE, or a turn with DCD_QUERY_LEAVE.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn dcd_shape_casts_submit(
+pub unsafe extern "C" fn dcd_cast_shapes_submit(
     world: DcdWorld,
     casts: *const DcdShapeCast,
     count: usize,
     filter: *const DcdFilter,
     out: *mut DcdQueryId,
 ) -> DcdStatus {
-    guard("dcd_shape_casts_submit", || {
+    guard("dcd_cast_shapes_submit", || {
         // SAFETY: the caller vouches for `count` casts, the filter and `out`.
         let (batch, out) = unsafe { (Batch::new(casts, count, "casts", filter)?, Out::new(out, "out")?) };
         submit(world, &batch, Kind::Casts, out, |world, shapes| {
@@ -128,9 +128,9 @@ fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQ
 }
 
 /// Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. It is as
-/// dcd_overlap_shapes, where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+/// dcd_overlap_shapes, where and when dcd_cast_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
-/// Errors: as dcd_rays_submit, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+/// Errors: as dcd_cast_rays_submit, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_shapes_submit(
     world: DcdWorld,
@@ -144,9 +144,9 @@ pub unsafe extern "C" fn dcd_overlap_shapes_submit(
 }
 
 /// Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. It is as
-/// dcd_overlap_points, where and when dcd_rays_submit answers.
+/// dcd_overlap_points, where and when dcd_cast_rays_submit answers.
 ///
-/// Errors: as dcd_rays_submit.
+/// Errors: as dcd_cast_rays_submit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_points_submit(
     world: DcdWorld,
@@ -160,9 +160,9 @@ pub unsafe extern "C" fn dcd_overlap_points_submit(
 }
 
 /// Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. It is as
-/// dcd_overlap_boxes, where and when dcd_rays_submit answers.
+/// dcd_overlap_boxes, where and when dcd_cast_rays_submit answers.
 ///
-/// Errors: as dcd_rays_submit, DCD_ERR_ARGUMENT also for a box whose min is above its max.
+/// Errors: as dcd_cast_rays_submit, DCD_ERR_ARGUMENT also for a box whose min is above its max.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_boxes_submit(
     world: DcdWorld,

@@ -6,15 +6,25 @@ use super::schedule::{COARSEST, Pace, relative_time};
 /// The number of solver iterations for which shares of the time are estimated.
 const ITERATIONS: usize = 4;
 
+/// The part of the goal that a new plan fills, so that it holds until steps take notably longer.
+const FILLED: f64 = 0.85;
+/// A plan stands unless another one computes at least this many times as much, and turns stay unless the
+/// longest tick takes this many times as long as it must.
+const WORTH_CHANGING: f64 = 1.1;
+
 /// A group of regions that must be at one time, as far as one process computes it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load {
     /// Says whether somebody looks at one of its regions.
     pub watched: bool,
+    /// Says whether it must be stepped in every tick.
+    pub urgent: bool,
     /// The distance of the nearest viewpoint from the group, metres.
     pub far_m: f64,
     /// The time that a step of one tick takes in full, milliseconds.
     pub step_ms: f64,
+    /// The pace that it has now.
+    pub pace: Pace,
 }
 
 /// The paces of all groups.
@@ -31,82 +41,124 @@ const RATES: [u8; 2] = [2, COARSEST];
 
 /// Returns the finest paces with which no tick takes longer than `goal_ms`. If there are none, returns those
 /// with which ticks take no longer on average, if that is possible. The farthest groups are made coarser
-/// first.
+/// first. The present paces stay while they serve, since a group whose turn changes is stepped once more.
 pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
+    let present: Vec<_> = loads.iter().map(|load| if load.urgent { 1 } else { load.pace.rate }).collect();
+    let serves = |takes_ms: f64, rates: &[u8]| {
+        takes_ms <= goal_ms && computed(loads, rates) < WORTH_CHANGING * computed(loads, &present)
+    };
+    let longest_ms = |rates: &[u8]| deal(loads, rates, |_| false).longest_ms();
     // A group does not become coarser if one of its steps would then take longer than the goal.
-    let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
-    let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
-    if longest_ms <= goal_ms {
-        return Plan { paces: with_turns(loads, &paces), is_kept: true };
+    let fitting = moves(loads, |load, rate| step_ms(load, rate) <= goal_ms);
+    let within = |goal_ms: f64| {
+        let rates = shed(loads, &fitting, goal_ms, longest_ms);
+        (longest_ms(&rates) <= goal_ms).then_some(rates)
+    };
+    if let Some(rates) = within(FILLED * goal_ms).or_else(|| within(goal_ms)) {
+        let stays = deal(loads, &present, |_| true);
+        if serves(stays.longest_ms(), &rates) {
+            return Plan { paces: stays.paces(&present), is_kept: true };
+        }
+        return Plan { paces: in_turn(loads, &rates, &present), is_kept: true };
     }
-    let (paces, _) = shed(loads, goal_ms, |_, _| true, mean_ms);
-    Plan { paces: with_turns(loads, &paces), is_kept: false }
+    let rates = shed(loads, &moves(loads, |_, _| true), goal_ms, |rates| mean_ms(loads, rates));
+    let stays = serves(mean_ms(loads, &present), &rates);
+    let rates = if stays { present.clone() } else { rates };
+    Plan { paces: in_turn(loads, &rates, &present), is_kept: false }
 }
 
-/// Makes groups coarser, where that fits, until what `measure` returns for all paces is within the goal, or
-/// no group is left. Returns the paces and that measure.
-fn shed(
-    loads: &[Load],
-    goal_ms: f64,
-    fits: impl Fn(&Load, Pace) -> bool,
-    measure: impl Fn(&[Load], &[Pace]) -> f64,
-) -> (Vec<Pace>, f64) {
-    let mut order: Vec<_> = (0..loads.len()).collect();
+/// Returns paces with these rates. Groups that had theirs before keep their turns, unless ticks would take
+/// notably longer than if all turns were dealt out anew.
+fn in_turn(loads: &[Load], rates: &[u8], present: &[u8]) -> Vec<Pace> {
+    let kept = deal(loads, rates, |group| rates[group] == present[group]);
+    let anew = deal(loads, rates, |_| false);
+    let dealt = if kept.longest_ms() <= WORTH_CHANGING * anew.longest_ms() { kept } else { anew };
+    dealt.paces(rates)
+}
+
+/// Returns the groups that may become coarser, with the rates to which they do, in order.
+fn moves(loads: &[Load], fits: impl Fn(&Load, u8) -> bool) -> Vec<(usize, u8)> {
+    let mut order: Vec<_> = (0..loads.len()).filter(|&group| !loads[group].urgent).collect();
     order.sort_by(|&a, &b| loads[b].far_m.total_cmp(&loads[a].far_m).then(a.cmp(&b)));
-    let mut paces = vec![Pace::FULL; loads.len()];
-    let mut now_ms = measure(loads, &paces);
+    let mut moves = Vec::new();
     for watched in [false, true] {
         for rate in RATES {
-            for &group in order.iter().filter(|&&group| loads[group].watched == watched) {
-                if now_ms <= goal_ms {
-                    return (paces, now_ms);
-                }
-                let pace = Pace { rate, ..paces[group] };
-                if fits(&loads[group], pace) {
-                    paces[group] = pace;
-                    now_ms = measure(loads, &paces);
-                }
-            }
+            let coarser = order.iter().filter(|&&group| loads[group].watched == watched);
+            moves.extend(coarser.filter(|&&group| fits(&loads[group], rate)).map(|&group| (group, rate)));
         }
     }
-    (paces, now_ms)
+    moves
 }
 
-/// Returns the time of one step of a group at its pace, milliseconds.
-fn step_ms(load: &Load, pace: Pace) -> f64 {
-    load.step_ms * relative_time(ITERATIONS, pace.rate)
-}
-
-fn mean_ms(loads: &[Load], paces: &[Pace]) -> f64 {
-    loads.iter().zip(paces).map(|(load, pace)| step_ms(load, *pace) / f64::from(pace.rate)).sum()
-}
-
-fn longest_ms(loads: &[Load], paces: &[Pace]) -> f64 {
-    let (_, ticks_ms) = turns(loads, paces);
-    ticks_ms.into_iter().fold(0.0, f64::max)
-}
-
-fn with_turns(loads: &[Load], paces: &[Pace]) -> Vec<Pace> {
-    let (turns, _) = turns(loads, paces);
-    turns.into_iter().zip(paces).map(|(turn, pace)| Pace { turn, ..*pace }).collect()
-}
-
-/// Deals groups out to the ticks in which they are stepped, the longest steps first, each to the ticks with
-/// least to do (Graham 1969). Returns their turns, and how long each tick of a cycle takes.
-fn turns(loads: &[Load], paces: &[Pace]) -> (Vec<u8>, [f64; COARSEST as usize]) {
-    let mut ticks_ms = [0.0; COARSEST as usize];
-    let steps_ms = loads.iter().zip(paces).map(|(load, pace)| step_ms(load, *pace));
-    let mut dear: Vec<_> = steps_ms.enumerate().collect();
-    dear.sort_by(|(a, a_ms), (b, b_ms)| b_ms.total_cmp(a_ms).then(a.cmp(b)));
-    let mut turns = vec![0; loads.len()];
-    for (group, step_ms) in dear {
-        let rate = paces[group].rate;
-        let of = |turn: u8| (turn..COARSEST).step_by(rate.into()).map(usize::from);
-        let longest_ms = |turn: &u8| of(*turn).map(|tick| ticks_ms[tick]).fold(0.0, f64::max);
-        let turn =
-            (0..rate).min_by(|a, b| longest_ms(a).total_cmp(&longest_ms(b))).expect("rates are above 0");
-        of(turn).for_each(|tick| ticks_ms[tick] += step_ms);
-        turns[group] = turn;
+/// Returns the rates after as few of the moves as bring what `measure` returns for all rates within the goal,
+/// or after all of them.
+fn shed(loads: &[Load], moves: &[(usize, u8)], goal_ms: f64, measure: impl Fn(&[u8]) -> f64) -> Vec<u8> {
+    let after = |count: usize| {
+        let mut rates = vec![1; loads.len()];
+        moves[..count].iter().for_each(|&(group, rate)| rates[group] = rate);
+        rates
+    };
+    let (mut least, mut most) = (0, moves.len());
+    while least < most {
+        let middle = (least + most) / 2;
+        if measure(&after(middle)) <= goal_ms {
+            most = middle;
+        } else {
+            least = middle + 1;
+        }
     }
-    (turns, ticks_ms)
+    after(least)
+}
+
+/// Returns the time of one step of a group at a rate, milliseconds.
+fn step_ms(load: &Load, rate: u8) -> f64 {
+    load.step_ms * relative_time(ITERATIONS, rate)
+}
+
+fn mean_ms(loads: &[Load], rates: &[u8]) -> f64 {
+    loads.iter().zip(rates).map(|(load, &rate)| step_ms(load, rate) / f64::from(rate)).sum()
+}
+
+/// Returns how much is computed per tick: how long that would take if longer steps took no longer.
+fn computed(loads: &[Load], rates: &[u8]) -> f64 {
+    loads.iter().zip(rates).map(|(load, &rate)| load.step_ms / f64::from(rate)).sum()
+}
+
+/// The ticks in which groups are stepped.
+struct Deal {
+    turns: Vec<u8>,
+    /// How long each tick of a cycle takes, milliseconds.
+    ticks_ms: [f64; COARSEST as usize],
+}
+
+impl Deal {
+    fn longest_ms(&self) -> f64 {
+        self.ticks_ms.into_iter().fold(0.0, f64::max)
+    }
+
+    fn paces(self, rates: &[u8]) -> Vec<Pace> {
+        self.turns.into_iter().zip(rates).map(|(turn, &rate)| Pace { rate, turn }).collect()
+    }
+}
+
+/// Deals groups out to the ticks in which they are stepped: those that keep their turns first, then the
+/// others, the longest steps first, each to the ticks with least to do (Graham 1969).
+fn deal(loads: &[Load], rates: &[u8], keeps: impl Fn(usize) -> bool) -> Deal {
+    let mut dealt = Deal { turns: vec![0; loads.len()], ticks_ms: [0.0; COARSEST as usize] };
+    let step_ms = |group: usize| step_ms(&loads[group], rates[group]);
+    let mut order: Vec<_> = (0..loads.len()).collect();
+    order.sort_by(|&a, &b| keeps(b).cmp(&keeps(a)).then(step_ms(b).total_cmp(&step_ms(a))).then(a.cmp(&b)));
+    for group in order {
+        let rate = rates[group];
+        let of = |turn: u8| (turn..COARSEST).step_by(rate.into()).map(usize::from);
+        let longest_ms = |turn: &u8| of(*turn).map(|tick| dealt.ticks_ms[tick]).fold(0.0, f64::max);
+        let least = (0..rate).min_by(|a, b| longest_ms(a).total_cmp(&longest_ms(b)));
+        let turn = match keeps(group) {
+            true => loads[group].pace.turn % rate,
+            false => least.expect("rates are above 0"),
+        };
+        of(turn).for_each(|tick| dealt.ticks_ms[tick] += step_ms(group));
+        dealt.turns[group] = turn;
+    }
+    dealt
 }

@@ -40,8 +40,8 @@ const NEWER: f32 = 0.25;
 const PATIENCE_TICKS: u64 = 120;
 /// The part of a budget that is planned for: at first, and at least and at most. Single ticks take longer
 /// than the mean.
-const PLANNED: f64 = 0.8;
-const PLANNED_RANGE: [f64; 2] = [0.6, 0.95];
+const PLANNED: f64 = 0.95;
+const PLANNED_RANGE: [f64; 2] = [0.6, 1.0];
 /// The step by which the planned part becomes less after a tick that took longer than the budget. After any
 /// other tick it grows by the part `OVERRUNS` of that step. So one tick in a hundred would take longer, if
 /// plans held (stochastic approximation of a quantile, Robbins and Monro 1951).
@@ -338,6 +338,8 @@ impl Governor {
             return;
         }
         self.regions.retain(|id, _| regions.iter().any(|region| region.state.region == *id));
+        let is_budget = matches!(self.fidelity, Fidelity::Budget { .. });
+        let mut is_due = now.is_multiple_of(EVERY_TICKS);
         for region in regions {
             let memory = self.regions.entry(region.state.region).or_insert_with(|| Memory::new(now));
             let margin_m = if memory.watched { LEAVE * MARGIN_M } else { MARGIN_M };
@@ -348,12 +350,15 @@ impl Governor {
                 LookedAt::From(viewpoints) => viewpoints.iter().any(is_seen),
             };
             // With a budget there may be no time for a finer pace of a region that was looked at before.
-            let is_kept = was_watched && matches!(self.fidelity, Fidelity::Budget { .. });
+            let is_kept = was_watched && is_budget;
             if memory.watched && !is_kept && !memory.is_full() {
                 memory.turn_to(Pace::FULL, now);
+                is_due |= is_budget;
             }
+            // Others must make room at once for what is stepped more often than planned.
+            is_due |= is_budget && region.state.urgent && !memory.is_full();
         }
-        if now.is_multiple_of(EVERY_TICKS) {
+        if is_due {
             match self.fidelity {
                 Fidelity::Off => {}
                 Fidelity::Tolerance { m_s } => self.keep_error(m_s, dt_s, regions),
@@ -440,8 +445,11 @@ impl Governor {
             self.viewpoints().iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
         };
         let own = members().filter(|region| region.by == process);
+        let memory = |region: &Governed<'_>| &self.regions[&region.state.region];
         Some(Load {
-            watched: members().any(|region| self.regions[&region.state.region].watched),
+            watched: members().any(|region| memory(region).watched),
+            urgent: members().any(|region| region.state.urgent),
+            pace: members().map(|region| memory(region).pace).min_by_key(|pace| pace.rate)?,
             far_m: members().map(far_m).fold(f64::INFINITY, f64::min),
             step_ms: own.map(|region| f64::from(region.state.step_ms)).sum(),
         })

@@ -24,6 +24,7 @@ mod refine;
 mod sleepers;
 mod slot;
 mod step;
+mod step_time;
 mod ties;
 mod urgency;
 mod vehicles;
@@ -50,6 +51,7 @@ use self::id_hash::IdHash;
 use self::kinematic_targets::KinematicTargets;
 use self::refine::Findings;
 use self::sleepers::Turnover;
+use self::step_time::StepTime;
 use self::ties::{HeldJoint, JointNews};
 use self::vehicles::Driving;
 use super::contact_listener::ContactListener;
@@ -137,12 +139,8 @@ pub struct Region {
     /// body index. Kept apart from the slots, so that passing over a body far from any border touches four
     /// bytes.
     due: Vec<u32>,
-    /// The microseconds that the steps of the present tick have taken so far, and a smoothed mean over the
-    /// last ticks.
     #[serde(skip)]
-    step_us: f64,
-    #[serde(skip)]
-    mean_step_us: f64,
+    time: StepTime,
     /// The length of the substep in which Rapier solved each body's contacts last, in seconds, by Rapier's
     /// body index. Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
@@ -213,8 +211,7 @@ impl Region {
             appeared: Vec::new(),
             obstacles: Vec::new(),
             due: Vec::new(),
-            step_us: 0.0,
-            mean_step_us: 0.0,
+            time: StepTime::default(),
             solved_dt_s: Vec::new(),
             iterations_s: Vec::new(),
             findings: Findings::default(),
@@ -307,7 +304,7 @@ impl Region {
     /// Returns the wall time that its steps took in the last tick, without that of applying messages; zero if
     /// it rested.
     pub fn last_step(&self) -> Duration {
-        if self.rests { Duration::ZERO } else { Duration::from_secs_f64(self.step_us * 1e-6) }
+        if self.rests { Duration::ZERO } else { self.time.last() }
     }
 
     /// Returns how many bodies it holds that other regions own.

@@ -232,7 +232,7 @@ static void same_rays(const Place *here, const Place *there, int which)
     DcdQueryId query;
     size_t count = rays(here, asked), total = 0;
     OK(dcd_cast_rays(here->world, asked, count, filter(here, which, &room), hits));
-    OK(dcd_rays_submit(there->world, asked, rays(there, asked), filter(there, which, &room), &query));
+    OK(dcd_cast_rays_submit(there->world, asked, rays(there, asked), filter(there, which, &room), &query));
     POLL(there, dcd_query_poll(there->world, query, told, MOST, &total));
     HOLDS(total == count);
     SAME(hits, told, count);
@@ -248,7 +248,7 @@ static void same_casts(const Place *here, const Place *there, int which)
     DcdQueryId query;
     size_t count = casts(here, asked), total = 0;
     OK(dcd_cast_shapes(here->world, asked, count, filter(here, which, &room), hits));
-    OK(dcd_shape_casts_submit(there->world, asked, casts(there, asked), filter(there, which, &room), &query));
+    OK(dcd_cast_shapes_submit(there->world, asked, casts(there, asked), filter(there, which, &room), &query));
     POLL(there, dcd_query_poll_casts(there->world, query, told, MOST, &total));
     HOLDS(total == count && (which != 0 || (told[count - 2].flags & DCD_HIT_INSIDE) != 0));
     SAME(hits, told, count);
@@ -333,23 +333,23 @@ static void bounds(const Place *place)
         around[i] = ball;
         around[i].shape = place->hull;
     }
-    FAILS(dcd_shape_casts_submit(world, many, MOST_SHAPES + 1, NULL, &query), DCD_ERR_ARGUMENT, "SUBMITTED_COST");
+    FAILS(dcd_cast_shapes_submit(world, many, MOST_SHAPES + 1, NULL, &query), DCD_ERR_ARGUMENT, "SUBMITTED_COST");
     FAILS(dcd_overlap_shapes_submit(world, around, MOST_SHAPES + 1, NULL, &query), DCD_ERR_ARGUMENT, "SUBMITTED_COST");
     many[0].shape = place->mesh;
-    FAILS(dcd_shape_casts_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "casts[0]: meshes");
+    FAILS(dcd_cast_shapes_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "casts[0]: meshes");
     many[0].shape = (DcdShapeId){ 0 };
-    FAILS(dcd_shape_casts_submit(world, many, 1, NULL, &query), DCD_ERR_NULL, "shape");
+    FAILS(dcd_cast_shapes_submit(world, many, 1, NULL, &query), DCD_ERR_NULL, "shape");
     many[0].shape = place->ball;
     many[0].turn[1] = 65.0f;
-    FAILS(dcd_shape_casts_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "DCD_MAX_SUBMITTED_TURN");
+    FAILS(dcd_cast_shapes_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "DCD_MAX_SUBMITTED_TURN");
     many[0].turn[1] = 60.0f;
     many[0].flags = DCD_QUERY_LEAVE;
-    FAILS(dcd_shape_casts_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "DCD_QUERY_LEAVE");
+    FAILS(dcd_cast_shapes_submit(world, many, 1, NULL, &query), DCD_ERR_ARGUMENT, "DCD_QUERY_LEAVE");
     many[0].flags = 0;
     HOLDS(query.v == 0);
 
     /* Each kind of query is fetched by its own call. */
-    OK(dcd_shape_casts_submit(world, many, 1, NULL, &query));
+    OK(dcd_cast_shapes_submit(world, many, 1, NULL, &query));
     FAILS(dcd_query_poll(world, query, &ray, 1, &count), DCD_ERR_ARGUMENT, "dcd_query_poll_casts");
     FAILS(dcd_query_poll_overlaps(world, query, &overlap, 1, ends, &count), DCD_ERR_ARGUMENT, "dcd_query_poll_casts");
     POLL(place, dcd_query_poll_casts(world, query, &hit, 1, &count));
@@ -395,7 +395,7 @@ static void bounds(const Place *place)
     /* As much as may be open at once. */
     size_t opened = 0;
     while (opened < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST)
-        OK(dcd_shape_casts_submit(world, many, MOST_SHAPES, NULL, &open[opened++]));
+        OK(dcd_cast_shapes_submit(world, many, MOST_SHAPES, NULL, &open[opened++]));
     FAILS(dcd_overlap_boxes_submit(world, all, 1, NULL, &query), DCD_ERR_BUSY, "open");
     for (size_t i = 0; i < opened; i++) {
         static DcdShapeHit hits[MOST_SHAPES];

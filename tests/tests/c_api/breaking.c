@@ -60,8 +60,8 @@ static void chain(uint32_t regions)
     const DcdJointId top = tied(world, nail, upper, 1), bottom = tied(world, upper, lower, 2);
 
     /* The upper joint bears both balls: 1962 N. */
-    OK(dcd_joint_strength_set(world, top, 2500.0f, INFINITY));
-    OK(dcd_joint_strength_set(world, bottom, 1300.0f, INFINITY));
+    OK(dcd_joint_set_strength(world, top, 2500.0f, INFINITY));
+    OK(dcd_joint_set_strength(world, bottom, 1300.0f, INFINITY));
     HOLDS(told_in(world, 60).joint.v == 0);
     /* A load of another 100 kg below. */
     const DcdBodyId load = ball_at(world, shape, DCD_DYNAMIC, 7.0, 100.0f);
@@ -70,7 +70,7 @@ static void chain(uint32_t regions)
     HOLDS(weak.joint.v != 0 && weak.torque >= 0.0f);
     for (int i = 0; i < 60; i++)
         OK(dcd_step(world));
-    OK(dcd_joint_strength_set(world, bottom, INFINITY, INFINITY));
+    OK(dcd_joint_set_strength(world, bottom, INFINITY, INFINITY));
     weak = told_in(world, 1);
     HOLDS(weak.joint.v == top.v && weak.user_data == 1 && fabs(weak.force - 2943.0) < 60.0);
     OK(dcd_joint_destroy(world, top));
@@ -79,12 +79,12 @@ static void chain(uint32_t regions)
     OK(dcd_body_get(world, upper, NULL, &velocity));
     HOLDS(velocity.linear[1] < -4.0f);
 
-    FAILS(dcd_joint_strength_set(world, top, 1.0f, 1.0f), DCD_ERR_STALE_ID, "joint");
-    FAILS(dcd_joint_strength_set(world, (DcdJointId){ 0 }, 1.0f, 1.0f), DCD_ERR_NULL, "joint");
-    FAILS(dcd_joint_strength_set(world, bottom, -1.0f, 1.0f), DCD_ERR_ARGUMENT, "force");
-    FAILS(dcd_joint_strength_set(world, bottom, 1.0f, NAN), DCD_ERR_ARGUMENT, "torque");
+    FAILS(dcd_joint_set_strength(world, top, 1.0f, 1.0f), DCD_ERR_STALE_ID, "joint");
+    FAILS(dcd_joint_set_strength(world, (DcdJointId){ 0 }, 1.0f, 1.0f), DCD_ERR_NULL, "joint");
+    FAILS(dcd_joint_set_strength(world, bottom, -1.0f, 1.0f), DCD_ERR_ARGUMENT, "force");
+    FAILS(dcd_joint_set_strength(world, bottom, 1.0f, NAN), DCD_ERR_ARGUMENT, "torque");
     OK(dcd_world_destroy(world));
-    FAILS(dcd_joint_strength_set(world, bottom, 1.0f, 1.0f), DCD_ERR_STALE_ID, "world");
+    FAILS(dcd_joint_set_strength(world, bottom, 1.0f, 1.0f), DCD_ERR_STALE_ID, "world");
 }
 
 /* A ball of 50 kg is welded to a wall and twisted by 1,000 N m: its joint bears 491 N and that torque. */
@@ -109,13 +109,13 @@ static void weld(uint32_t regions)
     OK(dcd_body_set_force(world, fixed.b, NULL, twist));
     for (int i = 0; i < 60; i++)
         OK(dcd_step(world));
-    OK(dcd_joint_strength_set(world, joint, 600.0f, 1100.0f));
+    OK(dcd_joint_set_strength(world, joint, 600.0f, 1100.0f));
     HOLDS(told_in(world, 30).joint.v == 0);
-    OK(dcd_joint_strength_set(world, joint, 600.0f, 900.0f)); /* the torque alone is too much */
+    OK(dcd_joint_set_strength(world, joint, 600.0f, 900.0f)); /* the torque alone is too much */
     told = told_in(world, 1);
     HOLDS(told.joint.v == joint.v && told.user_data == 4);
     HOLDS(fabs(told.torque - 1000.0) < 20.0 && fabs(told.force - 490.5) < 10.0);
-    OK(dcd_joint_strength_set(world, joint, 400.0f, 1100.0f)); /* the force alone */
+    OK(dcd_joint_set_strength(world, joint, 400.0f, 1100.0f)); /* the force alone */
     HOLDS(told_in(world, 1).joint.v == joint.v);
     OK(dcd_world_destroy(world));
 }

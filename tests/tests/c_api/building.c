@@ -66,7 +66,7 @@ static void hears_and_asks(DcdShapeId shape, DcdBodyId ground)
     ray.origin[1] = 20.0;
     ray.origin[2] = 60.0;
     ray.direction[1] = -1.0f;
-    OK(dcd_rays_submit(server, &ray, 1, NULL, &query));
+    OK(dcd_cast_rays_submit(server, &ray, 1, NULL, &query));
     DcdStatus status = DCD_ERR_BUSY;
     for (int k = 0; k < 6000 && status == DCD_ERR_BUSY; k++) {
         step();
@@ -303,7 +303,7 @@ int main(int argc, char **argv)
     DcdQueryId query;
     down.direction[1] = -1.0f;
     OK(dcd_body_create(server, &lift, &rope.a));
-    OK(dcd_rays_submit(server, &down, 1, NULL, &query)); /* a query in between does not separate bodies that are then tied */
+    OK(dcd_cast_rays_submit(server, &down, 1, NULL, &query)); /* a query in between does not separate bodies that are then tied */
     OK(dcd_query_cancel(server, query));
     OK(dcd_body_create(server, &bob, &rope.b));
     rope.joint_type = DCD_JOINT_SPHERICAL;

@@ -98,8 +98,8 @@ static void asks_the_owners(DcdWorld world, DcdBodyId avatar)
     rays[0] = rays[1] = rays[2] = down;
     rays[1].exclude = avatar;
     rays[2].direction[1] = 1.0f;
-    OK(dcd_rays_submit(world, rays, 3, NULL, &query));
-    OK(dcd_rays_submit(world, rays, 1, NULL, &other));
+    OK(dcd_cast_rays_submit(world, rays, 3, NULL, &query));
+    OK(dcd_cast_rays_submit(world, rays, 1, NULL, &other));
     OK(dcd_query_cancel(world, other));
     FAILS(dcd_query_poll(world, other, hits, 3, &count), DCD_ERR_STALE_ID, "query");
     DcdStatus status = DCD_ERR_BUSY;

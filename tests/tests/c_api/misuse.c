@@ -928,24 +928,24 @@ static void submitted(void)
     size_t count = 9;
     rays[0] = rays[1] = ray;
     rays[1].direction[1] = 1.0f;
-    EXPECT(dcd_rays_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
-    EXPECT(dcd_rays_submit(world, rays, 2, NULL, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_rays_submit((DcdWorld){ 0 }, rays, 2, NULL, &query), DCD_ERR_NULL);
-    EXPECT(dcd_rays_submit(world, rays, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_submit(world, rays, 2, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_submit((DcdWorld){ 0 }, rays, 2, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_cast_rays_submit(world, rays, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
     filter.struct_size = 1;
-    EXPECT(dcd_rays_submit(world, rays, 2, &filter, &query), DCD_ERR_STRUCT);
+    EXPECT(dcd_cast_rays_submit(world, rays, 2, &filter, &query), DCD_ERR_STRUCT);
     ray.origin[0] = NAN;
-    EXPECT(dcd_rays_submit(world, &ray, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays_submit(world, &ray, 1, NULL, &query), DCD_ERR_ARGUMENT);
     HOLDS(query.v == 7);
     static DcdRay crowd[DCD_MAX_SUBMITTED_COST + 1];
     for (size_t i = 0; i <= DCD_MAX_SUBMITTED_COST; i++)
         crowd[i] = rays[0];
-    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST + 1, NULL, &query), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &query), DCD_OK);
+    EXPECT(dcd_cast_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST + 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &query), DCD_OK);
     EXPECT(dcd_query_cancel(world, query), DCD_OK);
     EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
 
-    EXPECT(dcd_rays_submit(world, rays, 2, NULL, &query), DCD_OK);
+    EXPECT(dcd_cast_rays_submit(world, rays, 2, NULL, &query), DCD_OK);
     EXPECT(dcd_query_poll(other, query, hits, 2, &count), DCD_ERR_STALE_ID);
     EXPECT(dcd_query_poll(world, (DcdQueryId){ 0 }, hits, 2, &count), DCD_ERR_NULL);
     EXPECT(dcd_query_poll(world, (DcdQueryId){ 12345 }, hits, 2, &count), DCD_ERR_STALE_ID);
@@ -962,15 +962,15 @@ static void submitted(void)
     EXPECT(dcd_query_cancel(world, query), DCD_ERR_STALE_ID);
 
     for (size_t i = 0; i < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST; i++)
-        EXPECT(dcd_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &many[i]), DCD_OK);
-    EXPECT(dcd_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
+        EXPECT(dcd_cast_rays_submit(world, crowd, DCD_MAX_SUBMITTED_COST, NULL, &many[i]), DCD_OK);
+    EXPECT(dcd_cast_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
     for (size_t i = 0; i < DCD_MAX_OPEN_COST / DCD_MAX_SUBMITTED_COST; i++)
         EXPECT(dcd_query_cancel(world, many[i]), DCD_OK);
     for (size_t i = 0; i < DCD_MAX_OPEN_QUERIES; i++)
-        EXPECT(dcd_rays_submit(world, rays, 1, NULL, &many[i]), DCD_OK);
-    EXPECT(dcd_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
+        EXPECT(dcd_cast_rays_submit(world, rays, 1, NULL, &many[i]), DCD_OK);
+    EXPECT(dcd_cast_rays_submit(world, rays, 1, NULL, &query), DCD_ERR_BUSY);
     EXPECT(dcd_query_cancel(world, many[3]), DCD_OK);
-    EXPECT(dcd_rays_submit(world, rays, 0, NULL, &query), DCD_OK);
+    EXPECT(dcd_cast_rays_submit(world, rays, 0, NULL, &query), DCD_OK);
     EXPECT(dcd_query_poll(world, query, NULL, 0, &count), DCD_OK);
     HOLDS(count == 0);
     EXPECT(dcd_world_destroy(world), DCD_OK);
@@ -992,10 +992,10 @@ static void submitted_shapes(void)
     DcdQueryId query = { 7 };
     size_t count = 9, end;
     cast.shape = shape.shape = box;
-    EXPECT(dcd_shape_casts_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
-    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, NULL), DCD_ERR_NULL);
-    EXPECT(dcd_shape_casts_submit(none, &cast, 1, NULL, &query), DCD_ERR_NULL);
-    EXPECT(dcd_shape_casts_submit(world, &cast, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_shapes_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, 1, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_shapes_submit(none, &cast, 1, NULL, &query), DCD_ERR_NULL);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, SIZE_MAX, NULL, &query), DCD_ERR_ARGUMENT);
     EXPECT(dcd_overlap_shapes_submit(world, NULL, 1, NULL, &query), DCD_ERR_NULL);
     EXPECT(dcd_overlap_points_submit(world, &point, 1, NULL, NULL), DCD_ERR_NULL);
     EXPECT(dcd_overlap_boxes_submit(none, &around, 1, NULL, &query), DCD_ERR_NULL);
@@ -1005,22 +1005,22 @@ static void submitted_shapes(void)
     shape.pose.q[3] = 2.0f;
     point.point[0] = INFINITY;
     around.min[2] = NAN;
-    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
     EXPECT(dcd_overlap_shapes_submit(world, &shape, 1, NULL, &query), DCD_ERR_ARGUMENT);
     EXPECT(dcd_overlap_points_submit(world, &point, 1, NULL, &query), DCD_ERR_ARGUMENT);
     EXPECT(dcd_overlap_boxes_submit(world, &around, 1, NULL, &query), DCD_ERR_ARGUMENT);
     cast.motion[1] = 1.0f;
     cast.turn[0] = NAN;
-    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, 1, NULL, &query), DCD_ERR_ARGUMENT);
     cast.turn[0] = 0.0f;
     EXPECT(dcd_shape_destroy(world, box), DCD_OK);
-    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_ERR_STALE_ID);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, 1, NULL, &query), DCD_ERR_STALE_ID);
     HOLDS(query.v == 7);
 
     /* A submitted query keeps its shape. */
     cast.shape = shape.shape = make_box(world);
     shape.pose.q[3] = 1.0f;
-    EXPECT(dcd_shape_casts_submit(world, &cast, 1, NULL, &query), DCD_OK);
+    EXPECT(dcd_cast_shapes_submit(world, &cast, 1, NULL, &query), DCD_OK);
     EXPECT(dcd_shape_destroy(world, cast.shape), DCD_OK);
     EXPECT(dcd_query_poll_casts(none, query, &hit, 1, &count), DCD_ERR_NULL);
     EXPECT(dcd_query_poll_casts(world, query, NULL, 1, &count), DCD_ERR_NULL);

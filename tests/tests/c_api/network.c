@@ -141,9 +141,9 @@ static void who_is_there(void)
         do {
             hear(others[i], &own_news);
             OK(dcd_connection_info(others[i], upwards, &info));
-        } while (info.bytes_in == 0 || info.rtt_ms <= 0.0);
+        } while (info.bytes_in == 0 || info.rtt <= 0.0);
         HOLDS(info.udp_bytes_in > 0 && info.udp_bytes_out > 0);
-        HOLDS(info.role == DCD_ROLE_SERVER && info.node == 0 && info.client == 0 && info.rtt_ms < 10000.0);
+        HOLDS(info.role == DCD_ROLE_SERVER && info.node == 0 && info.client == 0 && info.rtt < 10.0);
         HOLDS(info.bytes_out > 0 && info.messages_in > 0 && info.messages_out > 0);
         FAILS(dcd_connection_info(server, upwards, &info), DCD_ERR_STALE_ID, "connection");
     }

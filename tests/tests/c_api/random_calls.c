@@ -135,7 +135,7 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
         if (dice(2)) {
             DcdQueryId *query = &queries[dice(KEPT)];
             query->v = handle(query->v);
-            return dice(2)   ? dcd_rays_submit(world, rays, dice(MANY + 1), given, query)
+            return dice(2)   ? dcd_cast_rays_submit(world, rays, dice(MANY + 1), given, query)
                    : dice(8) ? dcd_query_poll(world, *query, hits, cap, &total)
                              : dcd_query_cancel(world, *query);
         }
@@ -155,7 +155,7 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
         if (dice(3) == 0) {
             DcdQueryId *query = &queries[dice(KEPT)];
             query->v = handle(query->v);
-            return dice(2) ? dcd_shape_casts_submit(world, &cast, 1, given, query)
+            return dice(2) ? dcd_cast_shapes_submit(world, &cast, 1, given, query)
                            : dcd_query_poll_casts(world, *query, &hit, 1, &total);
         }
         status = dcd_cast_shapes(world, &cast, 1, given, &hit);

@@ -101,7 +101,7 @@ static void cannot(DcdWorld world, const char *role)
     FAILS(dcd_state_hash(world, &hash), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_borders(world, NULL, 0, &needed), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_interest_set(world, NULL, 0.0), DCD_ERR_UNSUPPORTED, role);
-    FAILS(dcd_rays_submit(world, NULL, 0, NULL, &query), DCD_ERR_UNSUPPORTED, role);
+    FAILS(dcd_cast_rays_submit(world, NULL, 0, NULL, &query), DCD_ERR_UNSUPPORTED, role);
     FAILS(dcd_body_owner(world, (DcdBodyId){ 1 }, &owner), DCD_ERR_UNSUPPORTED, role);
     HOLDS(id.v == 0 && hash == 0);
 }

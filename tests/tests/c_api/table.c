@@ -333,13 +333,13 @@ CALL(dcd_overlap_boxes) {
     size_t end;
     return dcd_overlap_boxes(s->world, &box, 1, NULL, found, 64, &end, &count);
 }
-CALL(dcd_rays_submit) { DcdQueryId id; return dcd_rays_submit(s->world, &RAY, 1, NULL, &id); }
+CALL(dcd_cast_rays_submit) { DcdQueryId id; return dcd_cast_rays_submit(s->world, &RAY, 1, NULL, &id); }
 static DcdStatus casts(Scene *s, DcdQueryId *id)
 {
     DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
     cast.shape = s->shape;
     cast.motion[1] = -1.0f;
-    return dcd_shape_casts_submit(s->world, &cast, 1, NULL, id);
+    return dcd_cast_shapes_submit(s->world, &cast, 1, NULL, id);
 }
 
 static DcdStatus points(Scene *s, DcdQueryId *id)
@@ -348,7 +348,7 @@ static DcdStatus points(Scene *s, DcdQueryId *id)
     return dcd_overlap_points_submit(s->world, &point, 1, NULL, id);
 }
 
-CALL(dcd_shape_casts_submit) { DcdQueryId id; return casts(s, &id); }
+CALL(dcd_cast_shapes_submit) { DcdQueryId id; return casts(s, &id); }
 CALL(dcd_overlap_shapes_submit) {
     DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
     DcdQueryId id;
@@ -381,14 +381,14 @@ CALL(dcd_query_poll_overlaps) {
 CALL(dcd_query_poll) {
     DcdQueryId id;
     DcdRayHit hit;
-    DcdStatus status = dcd_rays_submit(s->world, &RAY, 1, NULL, &id);
+    DcdStatus status = dcd_cast_rays_submit(s->world, &RAY, 1, NULL, &id);
     if (status == DCD_OK)
         status = dcd_query_poll(s->world, id, &hit, 1, &count);
     return status == DCD_ERR_BUSY ? DCD_OK : status;
 }
 CALL(dcd_query_cancel) {
     DcdQueryId id;
-    DcdStatus status = dcd_rays_submit(s->world, &RAY, 1, NULL, &id);
+    DcdStatus status = dcd_cast_rays_submit(s->world, &RAY, 1, NULL, &id);
     return status == DCD_OK ? dcd_query_cancel(s->world, id) : status;
 }
 
@@ -407,7 +407,7 @@ CALL(dcd_sensor_bodies) {
     DcdStatus status = dcd_sensor_bodies(s->world, s->body, 0, NULL, 0, &count);
     return status == DCD_ERR_ARGUMENT ? DCD_OK : status;
 }
-CALL(dcd_joint_strength_set) { return dcd_joint_strength_set(s->world, s->joint, 1.0f, 1.0f); }
+CALL(dcd_joint_set_strength) { return dcd_joint_set_strength(s->world, s->joint, 1.0f, 1.0f); }
 CALL(dcd_profile) { DcdProfile profile = DCD_PROFILE_INIT; return dcd_profile(s->world, &profile); }
 CALL(dcd_viewpoints_set) { return dcd_viewpoints_set(s->world, NULL, 0); }
 CALL(dcd_fidelity_report) { DcdFidelityReport report = DCD_FIDELITY_REPORT_INIT; return dcd_fidelity_report(s->world, &report); }
@@ -484,7 +484,7 @@ CALL(dcd_world_destroy) {
     of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) of(dcd_character_state) of(dcd_vehicle_wheels) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
-    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
+    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_set_strength) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
     of(dcd_shape_triangles) of(dcd_shape_heights) of(dcd_shape_part) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
@@ -497,8 +497,8 @@ CALL(dcd_world_destroy) {
     of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_debug_draw) of(dcd_gltf_save_file) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
     of(dcd_cast_rays_all) of(dcd_cast_ray_each) of(dcd_cast_shape_each) of(dcd_overlap_shape_each) of(dcd_overlap_box_each) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
-    of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
-    of(dcd_shape_casts_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
+    of(dcd_overlap_boxes) of(dcd_cast_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
+    of(dcd_cast_shapes_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
     of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_validate) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \

@@ -198,7 +198,7 @@ mod tests {
 
     /// Measures the part of a shape below the plane by counting points of a fine grid.
     fn counted(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volume {
-        const STEP_M: f32 = 0.05;
+        const STEP_M: f32 = 0.08;
         let around = shape.compute_aabb(pose);
         let count = ((around.maxs - around.mins) / STEP_M).ceil();
         let mut all = Volume::default();

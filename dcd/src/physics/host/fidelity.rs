@@ -115,7 +115,10 @@ impl RegionHost {
     #[cfg(test)]
     pub(crate) fn count_time(&mut self, took: std::time::Duration) {
         for side in &mut self.sides {
-            (0..100).for_each(|_| side.region.count_time(took, true));
+            for _ in 0..100 {
+                side.region.time_mut().begin(1, 1.0);
+                side.region.time_mut().add(took);
+            }
         }
     }
 
@@ -360,7 +363,6 @@ impl RegionHost {
             let Side { region, clock, .. } = side;
             let rests = side.is_idle();
             let [took_ms, full_ms] = self.spent_ms(side);
-            let longer = relative_time(self.settings.solver_iterations, clock.rate);
             let audited = self.audited.filter(|(audited, _)| *audited == region.id());
             RegionState {
                 region: region.id(),
@@ -373,7 +375,7 @@ impl RegionHost {
                 bound: side.bound_to(),
                 awake: region.physics().islands.num_active_bodies() as u32,
                 // A region at rest is not stepped, so it does not spend the time of its last steps.
-                step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3 / longer) as f32 },
+                step_ms: if rests { 0.0 } else { (region.time().full_us() * 1e-3) as f32 },
                 signals: region.signals(),
                 took_ms,
                 full_ms,

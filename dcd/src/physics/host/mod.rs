@@ -51,7 +51,7 @@ use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
 use super::spread::Team;
 use super::statics::Statics;
-use crate::fidelity::{Audited, Governor};
+use crate::fidelity::{Audited, Governor, relative_time};
 use crate::protocol::{BorderMessage, Handover};
 use crate::space::{RegionId, RegionSet, Tick};
 
@@ -265,6 +265,7 @@ impl RegionHost {
             let begins = region.begins_tick();
             if begins {
                 region.shift_origin(tick, clock.span);
+                region.time_mut().begin(clock.span, relative_time(settings.solver_iterations, clock.span));
             }
             settings.coupling.prepare(region, dt_s);
             let parameters = region.refined(IntegrationParameters {
@@ -273,14 +274,14 @@ impl RegionHost {
                 ..settings.integration
             });
             region.step(&parameters, steps);
-            side.region.count_time(start.elapsed(), begins);
+            side.region.time_mut().add(start.elapsed());
         };
         let gather = move |side: &mut Side, team: Team| {
             let start = Instant::now();
             let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
             let dt_s = side.substep_s(settings.dt_s);
             settings.coupling.gather(side, Moment { dt_s, team, ..moment });
-            side.region.count_time(start.elapsed(), false);
+            side.region.time_mut().add(start.elapsed());
         };
         if self.threads.are_entered() {
             let by_all = self.one_by_one();

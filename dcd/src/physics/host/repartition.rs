@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{HostError, RegionHost};
+use crate::fidelity::relative_time;
 use crate::physics::coupling::Side;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
@@ -126,10 +127,13 @@ impl RegionHost {
     /// Returns the load of a region computed here, in the units of the balance. The time of a step at a lower
     /// rate is divided among its ticks.
     pub fn load_of(&self, region: &Region, load: Load) -> f64 {
-        let rate = || self.place_of[region.rank()].map_or(1, |place| self.sides[place].clock.rate);
         match load {
             Load::Counts => region.activity(),
-            Load::Times => region.mean_step_us() / f64::from(rate()),
+            Load::Times => {
+                let rate = self.place_of[region.rank()].map_or(1, |place| self.sides[place].clock.rate);
+                region.time().full_us() * relative_time(self.settings.solver_iterations, rate)
+                    / f64::from(rate)
+            }
         }
     }
 

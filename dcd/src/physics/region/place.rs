@@ -1,11 +1,9 @@
 //! Changes a region's cell, rank and floating origin (the anchor), as the tree follows the load and the
 //! anchor follows the bodies. Finds which immovable bodies the region must hold, and measures its load.
 
-use std::time::Duration;
-
 use rapier3d::prelude::*;
 
-use super::{BodyRef, COVER_M, Ownership, Region, floating_origin};
+use super::{BodyRef, COVER_M, Ownership, Region, StepTime, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
@@ -13,9 +11,6 @@ use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
 /// The distance outside the cell, metres, up to which a sleeping body stays here.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
-
-/// The weight of the last tick in the mean time of a tick.
-const TIME_MEMORY: f64 = 0.1;
 
 impl Region {
     /// Sets the cell after a plane has moved. The coupling then checks all bodies here anew.
@@ -130,19 +125,13 @@ impl Region {
         convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass())
     }
 
-    /// Adds the wall time of a round to that of its tick; `first` begins a tick.
-    pub(in crate::physics) fn count_time(&mut self, took: Duration, first: bool) {
-        let took_us = took.as_secs_f64() * 1e6;
-        if first {
-            self.mean_step_us += (self.step_us - self.mean_step_us) * TIME_MEMORY;
-            self.step_us = 0.0;
-        }
-        self.step_us += took_us;
+    /// Returns how long the region's steps take.
+    pub(in crate::physics) fn time(&self) -> &StepTime {
+        &self.time
     }
 
-    /// Returns the smoothed wall time of the region's ticks, microseconds.
-    pub(in crate::physics) fn mean_step_us(&self) -> f64 {
-        self.mean_step_us
+    pub(in crate::physics) fn time_mut(&mut self) -> &mut StepTime {
+        &mut self.time
     }
 
     /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space.

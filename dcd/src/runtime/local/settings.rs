@@ -1,8 +1,10 @@
 //! Sets the viewpoints, planes, load balance and step settings of a local world, and reports what its
 //! fidelity saves.
 
+use std::collections::BTreeMap;
+
 use super::LocalWorld;
-use crate::fidelity::FidelityReport;
+use crate::fidelity::{FidelityReport, Pace};
 use crate::physics::StepSettings;
 use crate::recording::Operation;
 use crate::runtime::WorldError;
@@ -21,6 +23,19 @@ impl LocalWorld {
     /// Returns what the world's [`Fidelity`] saves and costs; `None` if all is computed in full.
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         self.host.fidelity_report()
+    }
+
+    /// Returns the pace of each region in the last tick, if there is a budget.
+    #[doc(hidden)]
+    pub fn timed_paces(&self) -> BTreeMap<RegionId, Pace> {
+        self.host.timed_paces().cloned().unwrap_or_default()
+    }
+
+    /// Has all further steps computed at these paces, whatever time they take, so that the time of the same
+    /// steps can be measured again.
+    #[doc(hidden)]
+    pub fn repeat_paces(&mut self, paces: BTreeMap<RegionId, Pace>) {
+        self.host.follow_paces(paces);
     }
 
     /// Sets the part of the time that audits may take. Tests use it to check the stated error.

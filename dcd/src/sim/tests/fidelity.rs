@@ -141,8 +141,7 @@ fn less(config: SimConfig) -> Sim {
 }
 
 fn hold(profiles: &[FaultProfile], verify: bool) {
-    let config =
-        TrialConfig { begin: less, clients: 0, verify, nodes: 4, rate: 60, ..TrialConfig::default() };
+    let config = TrialConfig { begin: less, clients: 0, verify, nodes: 4, ..TrialConfig::default() };
     for &profile in profiles {
         let row = simulate(&config, profile, 0..1, 2, &|| true);
         let failures: String = row.failures.iter().map(|failure| format!("{profile}: {failure}\n")).collect();

@@ -4976,7 +4976,7 @@ DCD_ASSERT_(offsetof(DcdConnectionInfo, role) == 8);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, node) == 12);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, client) == 16);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, loss) == 20);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, rtt_ms) == 24);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, rtt) == 24);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, age) == 32);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_in) == 40);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_out) == 48);

@@ -926,7 +926,7 @@ public:
         return Status(dcd_joint_set_softness(world_, joint, natural_frequency, damping_ratio));
     }
     /* Sets how much the locked axes of a joint bear: newtons and newton metres. */
-    Status joint_strength_set(JointId joint, float force, float torque)
+    Status joint_set_strength(JointId joint, float force, float torque)
     {
         return Status(dcd_joint_set_strength(world_, joint, force, torque));
     }
@@ -961,7 +961,7 @@ public:
         return { status, std::move(hits) };
     }
     /* Submits rays, which are answered later, in a served world too: there they may hit bodies that this process does not know. */
-    Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
+    Result<QueryId> cast_rays_submit(Span<const Ray> rays, const Filter &filter = {})
     {
         return got<QueryId>([&](QueryId *out) { return dcd_cast_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
     }
@@ -971,7 +971,7 @@ public:
         return polled<RayHit>(query, dcd_query_poll);
     }
     Status query_cancel(QueryId query) { return Status(dcd_query_cancel(world_, query)); }
-    Result<QueryId> shape_casts_submit(Span<const ShapeCast> casts, const Filter &filter = {})
+    Result<QueryId> cast_shapes_submit(Span<const ShapeCast> casts, const Filter &filter = {})
     {
         return got<QueryId>(
             [&](QueryId *out) { return dcd_cast_shapes_submit(world_, casts.data(), casts.size(), &filter, out); });

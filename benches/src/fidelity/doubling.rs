@@ -153,6 +153,7 @@ fn table(rows: &[Measured<Row>]) -> String {
         "longest",
         "over budget in the first second, %",
         "afterwards, %",
+        // See `REPEATS`.
         "fastest of three, %",
     ];
     page::table(&head, rows.iter().map(|row| row.row.cells()))

@@ -45,35 +45,41 @@ const RATES: [u8; 2] = [2, COARSEST];
 pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
     let present: Vec<_> = loads.iter().map(|load| if load.urgent { 1 } else { load.pace.rate }).collect();
     let serves = |takes_ms: f64, rates: &[u8]| {
-        takes_ms <= goal_ms && computed(loads, rates) < WORTH_CHANGING * computed(loads, &present)
+        let is_coarser = |group: usize| loads[group].watched && present[group] > rates[group];
+        takes_ms <= goal_ms
+            && computed(loads, rates) < WORTH_CHANGING * computed(loads, &present)
+            && !(0..loads.len()).any(is_coarser)
     };
-    let longest_ms = |rates: &[u8]| deal(loads, rates, |_| false).longest_ms();
-    // A group does not become coarser if one of its steps would then take longer than the goal.
-    let fitting = moves(loads, |load, rate| step_ms(load, rate) <= goal_ms);
-    let within = |goal_ms: f64| {
-        let rates = shed(loads, &fitting, goal_ms, longest_ms);
-        (longest_ms(&rates) <= goal_ms).then_some(rates)
-    };
-    if let Some(rates) = within(FILLED * goal_ms).or_else(|| within(goal_ms)) {
+    if let Some(rates) = within(loads, FILLED * goal_ms).or_else(|| within(loads, goal_ms)) {
         let stays = deal(loads, &present, |_| true);
         if serves(stays.longest_ms(), &rates) {
             return Plan { paces: stays.paces(&present), is_kept: true };
         }
-        return Plan { paces: in_turn(loads, &rates, &present), is_kept: true };
+        return Plan { paces: in_turn(loads, &rates, &present, goal_ms), is_kept: true };
     }
-    let rates = shed(loads, &moves(loads, |_, _| true), goal_ms, |rates| mean_ms(loads, rates));
-    let stays = serves(mean_ms(loads, &present), &rates);
-    let rates = if stays { present.clone() } else { rates };
-    Plan { paces: in_turn(loads, &rates, &present), is_kept: false }
+    let moves = moves(loads, |_, _| true);
+    let rates = rates_after(loads, &moves[..fewest(loads, &moves, goal_ms)]);
+    let rates = if serves(mean_ms(loads, &present), &rates) { present.clone() } else { rates };
+    Plan { paces: in_turn(loads, &rates, &present, f64::INFINITY), is_kept: false }
 }
 
-/// Returns paces with these rates. Groups that had theirs before keep their turns, unless ticks would take
-/// notably longer than if all turns were dealt out anew.
-fn in_turn(loads: &[Load], rates: &[u8], present: &[u8]) -> Vec<Pace> {
+/// Returns the finest rates with which no tick takes longer than `goal_ms`, if there are any.
+fn within(loads: &[Load], goal_ms: f64) -> Option<Vec<u8>> {
+    // A group does not become coarser if one of its steps would then take longer than the goal.
+    let moves = moves(loads, |load, rate| step_ms(load, rate) <= goal_ms);
+    // No tick is longer than the goal only if the mean is not. Fewer ticks are not always shorter.
+    let mut rates =
+        (fewest(loads, &moves, goal_ms)..=moves.len()).map(|count| rates_after(loads, &moves[..count]));
+    rates.find(|rates| deal(loads, rates, |_| false).longest_ms() <= goal_ms)
+}
+
+/// Returns paces with these rates. Groups that had theirs before keep their turns, unless ticks would then take
+/// longer than `most_ms`, or notably longer than if all turns were dealt out anew.
+fn in_turn(loads: &[Load], rates: &[u8], present: &[u8], most_ms: f64) -> Vec<Pace> {
     let kept = deal(loads, rates, |group| rates[group] == present[group]);
     let anew = deal(loads, rates, |_| false);
-    let dealt = if kept.longest_ms() <= WORTH_CHANGING * anew.longest_ms() { kept } else { anew };
-    dealt.paces(rates)
+    let keeps = kept.longest_ms() <= most_ms.min(WORTH_CHANGING * anew.longest_ms());
+    if keeps { kept.paces(rates) } else { anew.paces(rates) }
 }
 
 /// Returns the groups that may become coarser, with the rates to which they do, in order.
@@ -90,24 +96,25 @@ fn moves(loads: &[Load], fits: impl Fn(&Load, u8) -> bool) -> Vec<(usize, u8)> {
     moves
 }
 
-/// Returns the rates after as few of the moves as bring what `measure` returns for all rates within the goal,
-/// or after all of them.
-fn shed(loads: &[Load], moves: &[(usize, u8)], goal_ms: f64, measure: impl Fn(&[u8]) -> f64) -> Vec<u8> {
-    let after = |count: usize| {
-        let mut rates = vec![1; loads.len()];
-        moves[..count].iter().for_each(|&(group, rate)| rates[group] = rate);
-        rates
-    };
+fn rates_after(loads: &[Load], moves: &[(usize, u8)]) -> Vec<u8> {
+    let mut rates = vec![1; loads.len()];
+    moves.iter().for_each(|&(group, rate)| rates[group] = rate);
+    rates
+}
+
+/// Returns how many of the moves it takes until ticks take no longer than the goal on average; all if they
+/// always do. Each move makes the mean less.
+fn fewest(loads: &[Load], moves: &[(usize, u8)], goal_ms: f64) -> usize {
     let (mut least, mut most) = (0, moves.len());
     while least < most {
         let middle = (least + most) / 2;
-        if measure(&after(middle)) <= goal_ms {
+        if mean_ms(loads, &rates_after(loads, &moves[..middle])) <= goal_ms {
             most = middle;
         } else {
             least = middle + 1;
         }
     }
-    after(least)
+    least
 }
 
 /// Returns the time of one step of a group at a rate, milliseconds.

@@ -19,7 +19,7 @@ use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn, mixed};
 /// the present time when it is seen. It stays looked at up to `LEAVE` times that distance.
 const MARGIN_M: f64 = 5.0;
 const LEAVE: f64 = 2.0;
-/// The interval at which levels are chosen, ticks.
+/// The longest interval at which levels are chosen, ticks.
 const EVERY_TICKS: u64 = 8;
 /// The part of the tolerance below which its error lets a region become coarser. An error above the tolerance
 /// makes it finer. Errors count once a region has been audited `SEASONED` times at its pace.

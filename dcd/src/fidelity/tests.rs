@@ -231,7 +231,7 @@ fn what_rests_and_what_is_urgent_does_not_stay_behind() {
     assert!(behind.iter().any(|tick| tick == &[1]));
 }
 
-/// Returns which part of some ticks took longer than the budget, where a step of one tick of the region `k` takes
+/// Returns the share of ticks above the budget, where a step of one tick of the region `k` takes
 /// `full_ms(tick, k)`. What regions tell of that is a smoothed mean, as in a real world.
 fn over_budget(
     tick_ms: f32,

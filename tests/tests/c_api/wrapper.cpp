@@ -216,7 +216,7 @@ static void a_ball_breaks_a_tower()
     const dcd::Ray rays[] = { ray, ray };
     const std::vector<dcd::RayHit> hits = *world.cast_rays(rays);
     HOLDS(hits.size() == 2 && std::fabs(hits[1].distance - 5.0f) < 1e-3f);
-    const dcd::QueryId query = *world.rays_submit(rays), spare = *world.rays_submit(rays);
+    const dcd::QueryId query = *world.cast_rays_submit(rays), spare = *world.cast_rays_submit(rays);
     HOLDS(query != spare && world.query_cancel(spare));
     const std::optional<std::vector<dcd::RayHit>> polled = *world.query_poll(query);
     HOLDS(polled && polled->size() == 2 && (*polled)[1].distance == hits[1].distance);
@@ -236,7 +236,7 @@ static void a_ball_breaks_a_tower()
     cast.motion[1] = -10.0f;
     const dcd::ShapeCast casts[] = { cast };
     const dcd::ShapeHit touched = world.cast_shapes(casts)->at(0);
-    HOLDS((*world.query_poll_casts(*world.shape_casts_submit(casts)))->at(0).fraction == touched.fraction && touched.body == hits[1].body);
+    HOLDS((*world.query_poll_casts(*world.cast_shapes_submit(casts)))->at(0).fraction == touched.fraction && touched.body == hits[1].body);
     const dcd::Found<dcd::RayHit> through = *world.cast_rays_all(rays);
     HOLDS(through.of(0).size() == 1 && through.of(1).size() == 1 && through.of(1)[0].body == hits[1].body);
     dcd::Filter movable;
@@ -580,7 +580,7 @@ static void joints_are_looked_at_and_changed()
     HOLDS(world.joint_set_frames(joint, arm, nullptr) && world.joint_info(joint)->frame_a.p[1] == 0.5f);
     HOLDS(world.joint_info(joint)->frame_b.p[1] == 3.0f && world.joint_set_frames(joint, tie.frame_a, info.frame_b));
     HOLDS(info.natural_frequency == 50.0f && info.damping_ratio == 2.0f);
-    HOLDS(world.joint_strength_set(joint, 0.0f, 0.0f) && world.step());
+    HOLDS(world.joint_set_strength(joint, 0.0f, 0.0f) && world.step());
     HOLDS(world.events()->overloads().size() == 1 && world.events()->overloads()[0].joint == joint);
     HOLDS(world.joint_destroy(joint) && !world.joint_is_valid(joint));
 }

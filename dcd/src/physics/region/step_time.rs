@@ -43,7 +43,8 @@ impl StepTime {
     /// Returns how long a step of one tick takes, whatever the lengths of the steps so far, microseconds;
     /// smoothed over their ticks.
     pub(in crate::physics) fn full_us(&self) -> f64 {
-        let newer = 1.0 - (1.0 - TIME_MEMORY).powi(self.ticks.into());
+        let is_first = self.before_us == 0.0;
+        let newer = if is_first { 1.0 } else { 1.0 - (1.0 - TIME_MEMORY).powi(self.ticks.into()) };
         self.before_us + newer * (self.took_us / self.longer - self.before_us)
     }
 }
@@ -53,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_of_one_tick_takes_the_same_however_long_the_steps_are_that_tell() {
+    fn the_time_of_one_tick_is_the_same_by_long_and_by_short_steps() {
         let mut time = StepTime::default();
         let mut step = |ticks, longer, ms: f64, count| {
             for _ in 0..count {
@@ -63,6 +64,7 @@ mod tests {
             }
             time.full_us()
         };
+        assert!((step(4, 1.5, 3.0, 1) - 2_000.0).abs() < 1.0, "the first");
         assert!((step(1, 1.0, 2.0, 100) - 2_000.0).abs() < 1.0);
         // No jump where the region comes to longer steps, or back.
         assert!((step(4, 1.5, 3.0, 1) - 2_000.0).abs() < 1.0);

@@ -611,7 +611,7 @@ typedef struct DcdConnectionInfo {
     uint32_t node;
     uint32_t client;
     float loss;
-    double rtt_ms;
+    double rtt;
     double age;
     uint64_t bytes_in;
     uint64_t bytes_out;
@@ -1316,7 +1316,7 @@ DcdStatus dcd_body_joints(DcdWorld world,
                           size_t cap,
                           size_t *count);
 DCD_API
-DcdStatus dcd_joint_strength_set(DcdWorld world,
+DcdStatus dcd_joint_set_strength(DcdWorld world,
                                  DcdJointId joint,
                                  float force,
                                  float torque);
@@ -1468,13 +1468,13 @@ DcdStatus dcd_overlap_box_each(DcdWorld world,
                                DcdOverlapFn function,
                                void *context);
 DCD_API
-DcdStatus dcd_rays_submit(DcdWorld world,
-                          const DcdRay *rays,
-                          size_t count,
-                          const DcdFilter *filter,
-                          DcdQueryId *out);
+DcdStatus dcd_cast_rays_submit(DcdWorld world,
+                               const DcdRay *rays,
+                               size_t count,
+                               const DcdFilter *filter,
+                               DcdQueryId *out);
 DCD_API
-DcdStatus dcd_shape_casts_submit(DcdWorld world,
+DcdStatus dcd_cast_shapes_submit(DcdWorld world,
                                  const DcdShapeCast *casts,
                                  size_t count,
                                  const DcdFilter *filter,

@@ -124,12 +124,12 @@ impl Fidelities {
             if !measures(Part::Doubling) {
                 return Ok(());
             }
-            let (case, ticks) = if self.output.quick {
-                (("town", "n", 1_200, true), 90)
+            let (case, ticks, repeats) = if self.output.quick {
+                (("town", "n", 1_200, true), 90, 1)
             } else {
-                (("town", "n", 2_000, true), 660)
+                (("town", "n", 2_000, true), 660, 3)
             };
-            doubling::measure(case, ticks)?.into_iter().try_for_each(|row| rows.push(row))
+            doubling::measure(case, ticks, repeats)?.into_iter().try_for_each(|row| rows.push(row))
         })?;
         let covers = self.output.fill(&COVERAGE, |rows| {
             if !measures(Part::Coverage) {

@@ -134,7 +134,7 @@ fn computed(loads: &[Load], rates: &[u8]) -> f64 {
 /// The ticks in which groups are stepped.
 struct Deal {
     turns: Vec<u8>,
-    /// How long each tick of a cycle takes, milliseconds.
+    /// The time that each tick of a cycle takes, milliseconds.
     ticks_ms: [f64; COARSEST as usize],
 }
 

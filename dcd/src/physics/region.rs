@@ -139,6 +139,7 @@ pub struct Region {
     /// body index. Kept apart from the slots, so that passing over a body far from any border touches four
     /// bytes.
     due: Vec<u32>,
+    /// The time that its steps take.
     #[serde(skip)]
     time: StepTime,
     /// The length of the substep in which Rapier solved each body's contacts last, in seconds, by Rapier's

@@ -86,10 +86,12 @@ fn the_first_difference_of_two_recordings_is_told() {
     assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
     assert!(String::from_utf8_lossy(&nothing.stderr).contains("nothing was compared"), "{nothing:?}");
     assert!(nothing.stdout.is_empty(), "{nothing:?}");
-    let nothing = dcd(folder, "replay begun.dcdr --check");
-    assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
-    let words = String::from_utf8_lossy(&nothing.stderr);
-    assert!(words.contains("no tick is on record") && !words.contains("name one"), "{words}");
+    for line in ["replay begun.dcdr --check", "replay begun.dcdr"] {
+        let nothing = dcd(folder, line);
+        assert_eq!(nothing.status.code(), Some(1), "{line}: {nothing:?}");
+        let words = String::from_utf8_lossy(&nothing.stderr);
+        assert!(words.contains("no tick is on record") && !words.contains("name one"), "{line}: {words}");
+    }
 }
 
 #[test]
@@ -175,6 +177,9 @@ fn a_film_of_what_is_not_on_record_is_refused() {
         assert!(said.contains(words), "{line}: {said}");
         assert!(!folder.join("a.glb").exists(), "{line}");
     }
+    // The recording stays as it is.
+    let refused = said(folder, "replay ./a.dcdr --gltf a.dcdr", 2);
+    assert!(refused.contains("--gltf a.dcdr is a recording that is to be replayed"), "{refused}");
     said(folder, "replay a.dcdr --gltf a.glb --gltf-seconds 0.6..9", 0);
     assert!(folder.join("a.glb").exists());
 }

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use indicatif::ProgressBar;
 
 use super::common::{Common, print};
+use super::draft::place_of;
 use super::failure::Failure;
 use super::film::FilmArgs;
 use super::interrupt::Interrupt;
@@ -81,6 +82,7 @@ pub(super) struct Replay {
 
 impl Replay {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        self.check_film()?;
         let interrupt = Interrupt::listen()?;
         let again = || open(&self.files, self.threads, self.flip, common);
         let mut replay = again()?;
@@ -148,12 +150,25 @@ impl Replay {
                 )
             }));
         }
-        if self.check && replay.matches() == 0 && replay.mismatch().is_none() {
+        let is_empty = replay.ticks() == 0 && !interrupt.asked();
+        if (self.check || is_empty) && replay.matches() == 0 && replay.mismatch().is_none() {
             let why = if replay.ticks() == 0 { extent(&replay) } else { "no tick is on record".to_owned() };
             return Err(Failure::run(format!("nothing was compared: {why}")));
         }
         let parts = self.check && replay.mismatch().is_some();
         Ok(if parts { ExitCode::FAILURE } else { interrupt.exit_code() })
+    }
+
+    /// Checks that the film is written over none of the recordings.
+    fn check_film(&self) -> Result<(), Failure> {
+        let Some(film) = self.film.path() else { return Ok(()) };
+        match files(&self.files, |_| ())?.iter().any(|file| place_of(file) == place_of(film)) {
+            true => Err(Failure::usage(format!(
+                "--gltf {} is a recording that is to be replayed, which would be overwritten; give --gltf another file",
+                film.display()
+            ))),
+            false => Ok(()),
+        }
     }
 }
 

@@ -265,7 +265,7 @@ fn after_help() -> String {
          wall_s rtf step_ms{{mean,p50,p99,max}} contacts ghosts_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
          lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}} and, with --fidelity,\n\
          fidelity{{share_of_full_time,error_stated_m_s{{mean,low95,high95}},audits,overruns,levels}}; step_ms leaves the first 30 steps out,\n\
-         and is null where there are no more. Exits with 1 when bodies were lost, doubled or quarantined.\n\n{}",
+         and holds null where there are no more. Exits with 1 when bodies were lost, doubled or quarantined.\n\n{}",
         scenes::overview()
     )
 }

@@ -5,7 +5,7 @@
 //! (<https://etcd.io/docs/v3.4/dev-guide/api_grpc_gateway/>).
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use data_encoding::BASE64;
 use serde_json::{Value, json};
@@ -16,8 +16,10 @@ use super::tls;
 use crate::cluster::directory::DirectoryError;
 
 /// How long one member may take to answer about a hold: a member that hangs is skipped before the hold runs
-/// out.
+/// out. Where no member answers in this time, as on a slow disk, all get twice as long, and once more.
 const ANSWER: Duration = Duration::from_millis(450);
+/// How often that time is doubled at most.
+const DOUBLED: u32 = 2;
 /// The same for requests that read or write much.
 const BULK_ANSWER: Duration = Duration::from_millis(1_500);
 /// The same for a login, since etcd hashes passwords slowly, so that they cannot be guessed. Standby servers
@@ -41,8 +43,10 @@ pub(super) struct Gateway {
     login: Option<Arc<Login>>,
     /// The index of the member that answered last.
     current: usize,
-    /// How long one member may take to answer.
+    /// How long one member may take to answer, if one answered so soon the last time.
     answer: Duration,
+    /// How often that time is doubled now.
+    doubled: u32,
 }
 
 /// The reason why etcd has not done what it was asked.
@@ -120,6 +124,7 @@ impl Gateway {
             login: login.map(Arc::new),
             current: 0,
             answer: ANSWER,
+            doubled: 0,
         })
     }
 
@@ -154,23 +159,34 @@ impl Gateway {
         Ok(Page { found: found(&answer)?, more: answer["more"].as_bool().unwrap_or(false) })
     }
 
-    /// Asks each member at most once, beginning with the one that answered last.
+    /// Asks each member at most once, beginning with the one that answered last. An error says of each why it
+    /// did not answer.
     fn ask(&mut self, what: &str, request: &Value) -> Result<Value, GatewayError> {
         let request = request.to_string();
-        let mut why = String::new();
+        let mut why = Vec::new();
         for turn in 0..self.members.len() {
             let at = (self.current + turn) % self.members.len();
+            let asked = Instant::now();
             match self.ask_member(&self.members[at], what, &request) {
-                Err(GatewayError::Away(cause)) => why = format!("{}: {cause}", self.members[at]),
+                Err(GatewayError::Away(cause)) => why.push(format!("{}: {cause}", self.members[at])),
                 answer => {
                     self.current = at;
+                    if asked.elapsed() < self.answer {
+                        self.doubled = 0;
+                    }
                     return answer;
                 }
             }
         }
         // The next call does not begin with the member that failed first in this one.
         self.current = (self.current + 1) % self.members.len();
-        Err(GatewayError::Away(why))
+        self.doubled = (self.doubled + 1).min(DOUBLED);
+        Err(GatewayError::Away(why.join("; ")))
+    }
+
+    /// Returns how long one member may take to answer.
+    fn patience(&self) -> Duration {
+        self.answer * 2u32.pow(self.doubled)
     }
 
     /// Returns the token of the last login.
@@ -183,7 +199,7 @@ impl Gateway {
     fn ask_member(&self, member: &str, what: &str, request: &str) -> Result<Value, GatewayError> {
         let path = format!("kv/{what}");
         let token = self.login.as_ref().and_then(|login| login.token());
-        let answer = self.post(member, &path, request, token.as_deref(), self.answer);
+        let answer = self.post(member, &path, request, token.as_deref(), self.patience());
         let Err(GatewayError::Unknown(cause)) = answer else { return answer };
         let Some(login) = &self.login else {
             return Err(GatewayError::Refused(format!(
@@ -195,7 +211,7 @@ impl Gateway {
             Some(newer) if Some(&newer) != token.as_ref() => newer,
             _ => self.log_in(member, login)?,
         };
-        match self.post(member, &path, request, Some(&token), self.answer) {
+        match self.post(member, &path, request, Some(&token), self.patience()) {
             Err(GatewayError::Unknown(cause)) => Err(GatewayError::Away(format!(
                 "it does not know the token that etcd has just given: {cause}"
             ))),

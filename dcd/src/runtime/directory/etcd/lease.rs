@@ -303,6 +303,32 @@ mod tests {
     }
 
     #[test]
+    fn a_hold_lasts_while_etcd_is_slow() {
+        let mut is_held = false;
+        let address = stand_in(move |what| match what {
+            "range" if is_held => (200, held_by("one")),
+            "range" => (200, json!({})),
+            _ if !is_held => {
+                is_held = true;
+                (200, json!({ "succeeded": true }))
+            }
+            _ => {
+                // Longer than one answer may take at first, and shorter than the tenure.
+                std::thread::sleep(Duration::from_millis(600));
+                (200, json!({ "succeeded": true }))
+            }
+        });
+        let hold = hold(keys(address), "one", &mut |_| true).unwrap().unwrap();
+        let mut lease = Lease::begin(hold).unwrap();
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(5) {
+            assert_eq!(lease.left().map(|_| ()), Ok(()));
+            std::thread::sleep(LOOK);
+        }
+        lease.abandon();
+    }
+
+    #[test]
     fn who_stands_by_asks_whether_to_wait_on_while_a_silent_holder_cannot_be_removed() {
         let mut writes = 0;
         let address = stand_in(move |what| match what {

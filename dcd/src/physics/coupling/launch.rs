@@ -143,7 +143,8 @@ pub(super) fn release(side: &mut Side) {
 }
 
 /// Returns whether a body owned here flies within some ticks to within a margin of other regions, or of their
-/// bodies, that do not hold it. Who holds a body whose mass is split is decided otherwise.
+/// bodies, that do not hold it. Of a body that others hold too, this is asked while nothing strikes it: what
+/// strikes it there is told by its usual holders.
 pub(super) fn flies_off(
     region: &Region,
     border: &Border,
@@ -157,14 +158,22 @@ pub(super) fn flies_off(
     let Some(body) = held.filter(|_| region.role_of(handle) == Some((id, Ownership::Owner))) else {
         return false;
     };
-    let own = RegionSet::only(region.rank());
-    let counting = border.shared.get(handle).map_or(own, |shared| shared.members.without(shared.warming));
-    if !body.is_dynamic() || region.is_articulated(handle) || counting != own || !region.flies(handle, tick_s)
+    let holders = region.slot(handle).holders;
+    let is_struck = || {
+        let shared = border.shared.get(handle);
+        region.is_pressed(handle)
+            || shared.is_some_and(|shared| {
+                shared.is_split() || !shared.strikes.is_empty() || shared.owed.is_some()
+            })
+    };
+    if !body.is_dynamic()
+        || region.is_articulated(handle)
+        || !region.flies(handle, tick_s)
+        || !holders.is_empty() && is_struck()
     {
         return false;
     }
-    // Regions on the way that it has left may still hold it.
-    let held = region.slot(handle).holders.union(own);
+    let held = holders.union(RegionSet::only(region.rank()));
     let near = on_its_way(region, border, moment.partition, link, ticks * tick_s, margin_m);
     !near.without(held).is_empty()
 }

@@ -143,8 +143,8 @@ pub(super) fn release(side: &mut Side) {
 }
 
 /// Returns whether a body owned here flies within some ticks to within a margin of other regions, or of their
-/// bodies, that do not hold it. Of a body that others hold too, this is asked while nothing strikes it: what
-/// strikes it there is told by its usual holders.
+/// bodies, that do not hold it. A body that others hold does so only while nothing strikes it: if it were sent
+/// anew then, impulses on its copies would be lost.
 pub(super) fn flies_off(
     region: &Region,
     border: &Border,

@@ -18,8 +18,6 @@ use crate::cluster::directory::DirectoryError;
 /// How long one member may take to answer about a hold: a member that hangs is skipped before the hold runs
 /// out. Where no member answers in this time, as on a slow disk, all get twice as long, and once more.
 const ANSWER: Duration = Duration::from_millis(450);
-/// How often that time is doubled at most.
-const DOUBLED: u32 = 2;
 /// The same for requests that read or write much.
 const BULK_ANSWER: Duration = Duration::from_millis(1_500);
 /// The same for a login, since etcd hashes passwords slowly, so that they cannot be guessed. Standby servers
@@ -27,6 +25,8 @@ const BULK_ANSWER: Duration = Duration::from_millis(1_500);
 const LOG_IN: Duration = Duration::from_millis(1_000);
 /// The same for making a connection.
 const CONNECT: Duration = Duration::from_millis(250);
+/// The most doublings of the time in which a member must answer.
+const DOUBLED: u32 = 2;
 /// The most bytes of an answer: more than a page of values in base64.
 const ANSWER_BYTES: u64 = 64 << 20;
 /// The most characters that are shown of an answer that is not JSON.
@@ -43,9 +43,9 @@ pub(super) struct Gateway {
     login: Option<Arc<Login>>,
     /// The index of the member that answered last.
     current: usize,
-    /// How long one member may take to answer, if one answered so soon the last time.
+    /// The time in which a member must answer, if one did so the last time.
     answer: Duration,
-    /// How often that time is doubled now.
+    /// The number of doublings of that time that hold now.
     doubled: u32,
 }
 

@@ -774,7 +774,8 @@ typedef struct DcdBodyDef {
     uint32_t solver_mask;
     // DCD_PAIR_… bits: which types of bodies the body meets. A pair meets when either body asks for it.
     uint32_t pairs;
-    // Dominance, -128 to 127. Of two bodies in contact, the higher is not moved by the lower, which meets it like a wall.
+    // Dominance, -128 to 127. Of two bodies in contact, the higher is not moved by the lower, which meets it like a wall at rest:
+    // Rapier leaves the velocity of the higher out, so that it neither pushes nor carries the lower. A kinematic body does both.
     int32_t dominance;
     // Distance ahead at which the body looks for what it may meet, metres; 0: none. It is cheaper than DCD_BODY_CCD, and not as
     // sure.
@@ -1793,7 +1794,8 @@ typedef struct DcdHookedContact {
     // Velocity of the surface of `a` against that of `b`, world axes, m/s; 0 at first. So a conveyor belt `a` carries `b` along.
     // For a belt that is `b`, give the negative.
     float surface_velocity[3];
-    // Number of the program's own that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
+    // Number of the program's own that the manifold keeps while it lasts; 0 at first, and where bodies come to another region. The
+    // function is called once per substep, of which a step may have several where regions meet.
     uint32_t memory;
 } DcdHookedContact;
 
@@ -2252,7 +2254,7 @@ typedef struct DcdForce {
 #define DCD_ERR_SMALL_BUFFER (-5)
 
 // The call cannot be done now: it comes from within a function that the library calls (see Threads), where worlds may not be used;
-// or a step that was begun is not waited for; or, for messages, too many wait to be sent.
+// or, for dcd_step_begin, a step that was begun is not waited for yet; or, for messages, too many wait to be sent.
 #define DCD_ERR_BUSY (-6)
 
 // Nobody answered in time.

@@ -64,7 +64,8 @@ pub struct DcdBodyDef {
     pub solver_mask: u32,
     /// DCD_PAIR_… bits: which types of bodies the body meets. A pair meets when either body asks for it.
     pub pairs: u32,
-    /// Dominance, -128 to 127. Of two bodies in contact, the higher is not moved by the lower, which meets it like a wall.
+    /// Dominance, -128 to 127. Of two bodies in contact, the higher is not moved by the lower, which meets it like a wall at rest:
+    /// Rapier leaves the velocity of the higher out, so that it neither pushes nor carries the lower. A kinematic body does both.
     pub dominance: i32,
     /// Distance ahead at which the body looks for what it may meet, metres; 0: none. It is cheaper than DCD_BODY_CCD, and not as
     /// sure.

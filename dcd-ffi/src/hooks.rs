@@ -83,7 +83,8 @@ pub struct DcdHookedContact {
     /// Velocity of the surface of `a` against that of `b`, world axes, m/s; 0 at first. So a conveyor belt `a` carries `b` along.
     /// For a belt that is `b`, give the negative.
     pub surface_velocity: [f32; 3],
-    /// Number of the program's own that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
+    /// Number of the program's own that the manifold keeps while it lasts; 0 at first, and where bodies come to another region. The
+    /// function is called once per substep, of which a step may have several where regions meet.
     pub memory: u32,
 }
 

@@ -29,7 +29,7 @@ pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 /// DCD_OK.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
 /// The call cannot be done now: it comes from within a function that the library calls (see Threads), where worlds may not be used;
-/// or a step that was begun is not waited for; or, for messages, too many wait to be sent.
+/// or, for dcd_step_begin, a step that was begun is not waited for yet; or, for messages, too many wait to be sent.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.
 pub const DCD_ERR_TIMEOUT: DcdStatus = -8;

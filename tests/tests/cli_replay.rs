@@ -180,7 +180,13 @@ fn a_film_of_what_is_not_on_record_is_refused() {
     // The recording stays as it is.
     let refused = said(folder, "replay ./a.dcdr --gltf a.dcdr", 2);
     assert!(refused.contains("--gltf a.dcdr is a recording that is to be replayed"), "{refused}");
-    said(folder, "replay a.dcdr --gltf a.glb --gltf-seconds 0.6..9", 0);
+    for (end, is_cut) in [("9", true), ("1", false)] {
+        let film = dcd(folder, &format!("replay a.dcdr --gltf a.glb --gltf-seconds 0.6..{end}"));
+        let notes = String::from_utf8_lossy(&film.stderr);
+        assert!(film.status.success(), "{notes}");
+        let note = format!("--gltf-seconds 0.6..{end}: the film ends at 1.0 s");
+        assert_eq!(notes.contains(&note), is_cut, "{notes}");
+    }
     assert!(folder.join("a.glb").exists());
 }
 

@@ -457,6 +457,10 @@ fn a_disk_that_is_full_at_the_end_does_not_cost_the_report() {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["bodies"], 10);
     assert!(text(&output.stderr).starts_with("error: cannot write /dev/full"), "{}", text(&output.stderr));
+    let full = std::fs::File::create("/dev/full").unwrap();
+    let help = Command::new(BINARY).arg("--help").stdout(full).output().unwrap();
+    assert_eq!(help.status.code(), Some(1));
+    assert!(text(&help.stderr).starts_with("error: cannot print: "), "{}", text(&help.stderr));
 }
 
 #[test]

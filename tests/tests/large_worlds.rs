@@ -49,6 +49,23 @@ fn bodies_100_km_apart_keep_millimetres() {
     }
 }
 
+/// The fixed body comes first, when the origin of the only region is still far from there.
+#[test]
+fn what_is_fixed_far_out_holds_what_is_joined_to_it_where_it_was_put() {
+    for far in [100_000.3, 20_000_000.3] {
+        let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let cube = || vec![ColliderBuilder::cuboid(0.2, 0.2, 0.2)];
+        let at = |aside: f64| WorldPose::at([far + aside, 0.0, 0.0]);
+        let post = world.insert_at(at(0.0), RigidBodyBuilder::fixed(), cube()).unwrap();
+        let arm = world.insert_at(at(1.0), RigidBodyBuilder::dynamic(), cube()).unwrap();
+        let joint = FixedJointBuilder::new().local_anchor1(Vector::X);
+        world.insert_joint(post, arm, joint).unwrap();
+        (0..120).for_each(|_| world.step().unwrap());
+        let aside = world.pose(arm).unwrap().translation[0] - far;
+        assert!((aside - 1.0).abs() < 1e-3, "{far} m out it is {aside} m aside");
+    }
+}
+
 #[test]
 fn a_stack_that_is_carried_a_hundred_kilometres_arrives_as_it_left() {
     // One region, whose floating origin (anchor) must follow.

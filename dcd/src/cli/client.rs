@@ -21,6 +21,7 @@ use super::values::{SERVER, address, joining, positive, reachable, speed, wall_s
 use super::view::{self, ANY_PORT};
 use crate::Viewer;
 use crate::drawing::Told;
+use crate::net::Token;
 use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
@@ -32,6 +33,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The time after joining from which on the transfer of the whole world no longer counts as traffic.
 const SETTLED: Duration = Duration::from_millis(500);
+/// The shortest time over which traffic is measured: it is known with a delay of a tenth of a second.
+const MEASURED: Duration = Duration::from_millis(400);
 /// Half the edge of an avatar's box.
 const HALF_M: f32 = 0.4;
 
@@ -47,8 +50,9 @@ const HALF_M: f32 = 0.4;
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
                        with the keys client avatars updates contacts refusals moved_m seconds bytes_in bytes_per_s bytes_per_moving_body_s\n\
                        staleness_ms {p50 p99} shown_behind_ms input_delay_ms corrections largest_correction_mm predicted_ticks outside;\n\
-                       --truth adds shown_error_mm {p50 p99}, --bandwidth adds bandwidth {messages fields bodies}. A server that is out of reach is\n\
-                       dialled again; the avatars go on as long as nodes compute the world."
+                       --truth adds shown_error_mm {p50 p99}, --bandwidth adds bandwidth {messages fields bodies}. Bytes per second leave out\n\
+                       the first half second, in which the world arrives. What was not measured is null, as they are after less than a\n\
+                       second. A server that is out of reach is dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
     /// The server's address; with standby servers (`dcd serve --directory`) all addresses, separated by
@@ -121,8 +125,9 @@ struct Played {
     moved_m: f64,
     seconds: f64,
     bytes_in: u64,
-    bytes_per_s: f64,
-    /// `None` where nothing moved.
+    /// `None` after too short a stay.
+    bytes_per_s: Option<f64>,
+    /// `None` where nothing moved, too.
     bytes_per_moving_body_s: Option<f64>,
     /// The age of the newest state of a moving body when it was looked at.
     staleness_ms: Option<Percentiles>,
@@ -170,7 +175,7 @@ impl Summary for Played {
             ("updates", self.updates.to_string()),
             ("contacts", format!("{} beginnings and ends", self.contacts)),
             ("refusals", self.refusals.to_string()),
-            ("traffic", format!("{:.0} bytes per second", self.bytes_per_s)),
+            ("traffic", or_none(self.bytes_per_s, " bytes per second")),
             ("moving body", or_none(self.bytes_per_moving_body_s, " bytes per second")),
             (
                 "newest states",
@@ -261,6 +266,13 @@ impl Client {
             advertise: self.advertise,
             ..joining(&self.server, interrupt.at_once(|| self.token.read(true))?)
         };
+        if let Some(truth) = self.truth.as_ref().filter(|truth| **truth == join.token)
+            && truth.parse::<Token>().is_ok_and(|token| token.uses() == 1)
+        {
+            return Err(Failure::usage(
+                "--truth has the token of --token, which lets one process join; give another of `dcd token --role client`",
+            ));
+        }
         let truth =
             self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });
         // Everything that may fail here comes before the token is used up.
@@ -404,7 +416,6 @@ impl Crowd {
         let seen = self.world.updates();
         self.world.wait_update(seen, LOOK);
         self.world.check()?;
-        // Traffic is known with a delay of a tenth of a second.
         if self.bytes_since.is_none() && self.start.elapsed() > SETTLED {
             self.bytes_since = Some((Instant::now(), self.world.traffic().udp_bytes_in));
         }
@@ -450,8 +461,10 @@ impl Crowd {
     fn played(&self, bandwidth: bool) -> Played {
         let bytes_in = self.world.traffic().udp_bytes_in;
         let seconds = self.start.elapsed().as_secs_f64();
-        let (since, before) = self.bytes_since.unwrap_or((self.start, 0));
-        let bytes_per_s = (bytes_in - before) as f64 / since.elapsed().as_secs_f64().max(1e-3);
+        let bytes_per_s = self.bytes_since.and_then(|(since, before)| {
+            let measured = since.elapsed();
+            (measured >= MEASURED).then(|| (bytes_in - before) as f64 / measured.as_secs_f64())
+        });
         let predicted = self.world.prediction().unwrap_or_default();
         Played {
             client: self.world.id().to_string(),
@@ -463,7 +476,9 @@ impl Crowd {
             seconds,
             bytes_in,
             bytes_per_s,
-            bytes_per_moving_body_s: self.watch.moving().map(|moving| bytes_per_s / moving),
+            bytes_per_moving_body_s: bytes_per_s
+                .zip(self.watch.moving())
+                .map(|(bytes, moving)| bytes / moving),
             staleness_ms: self.watch.staleness(),
             shown_error_mm: self.truth.as_ref().and_then(|truth| Percentiles::of(&truth.errors_mm())),
             shown_behind_ms: (self.watch.looks > 0).then(|| self.watch.behind_ms / self.watch.looks as f64),

@@ -14,7 +14,7 @@ use crate::drawing::{Film, GltfError, Source};
 #[derive(clap::Args)]
 pub(super) struct FilmArgs {
     /// Write the world at the end as a binary glTF file, for Blender, engines and papers: bodies by their shapes, nodes named by their
-    /// ids, in the colours of the regions that own them
+    /// ids, in the colours of the regions that own them; an existing file is replaced
     #[arg(long, value_name = "FILE.glb")]
     gltf: Option<PathBuf>,
     /// With --gltf: write what happens from second A to second B, counted from the start, as an animation
@@ -58,6 +58,7 @@ impl FilmArgs {
             stretch: self.gltf_seconds,
             period_s: 1.0 / f64::from(self.gltf_rate),
             next_s,
+            seen_s: 0.0,
             film: Film::default(),
             taken: 0,
             failed: None,
@@ -72,6 +73,8 @@ pub(super) struct Camera {
     period_s: f64,
     /// The time at which the next picture is due.
     next_s: f64,
+    /// The time up to which there was something to film.
+    seen_s: f64,
     film: Film,
     taken: usize,
     failed: Option<GltfError>,
@@ -82,6 +85,7 @@ impl Camera {
     pub(super) fn look(&mut self, world: &impl Source, seconds: f64) {
         // Ticks are not exact fractions of a second.
         const NEAR_S: f64 = 1e-6;
+        self.seen_s = seconds;
         let is_in = self.stretch.as_ref().is_some_and(|stretch| seconds <= stretch.end + NEAR_S);
         if !is_in || seconds + NEAR_S < self.next_s || self.failed.is_some() {
             return;
@@ -112,15 +116,22 @@ impl Camera {
         seconds: f64,
         common: &Common,
     ) -> Result<(), Failure> {
-        if self.taken == 0
+        let (taken, stretch, seen_s) = (self.taken, self.stretch.clone(), self.seen_s);
+        if taken == 0
             && let Some(world) = world
         {
-            if let Some(Range { start, end }) = &self.stretch {
+            self.take(world, seconds);
+        }
+        if let Some(Range { start, end }) = stretch {
+            if taken == 0 {
                 common.say(&format!(
                     "nothing of --gltf-seconds {start}..{end} was reached: the film has the end alone"
                 ));
+            } else if seen_s + self.period_s < end {
+                common.say(&format!(
+                    "--gltf-seconds {start}..{end}: the film ends at {seen_s:.1} s, as all else"
+                ));
             }
-            self.take(world, seconds);
         }
         let Self { draft, film, taken, failed, .. } = self;
         let path = draft.path();

@@ -40,6 +40,7 @@ mod view;
 mod world;
 
 use std::ffi::{OsStr, OsString};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::LazyLock;
@@ -120,8 +121,12 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version come this way too. A closed pipe is the reader's choice.
-            let _ = error.print();
-            return ExitCode::from(error.exit_code() as u8);
+            return match error.print() {
+                Err(cause) if cause.kind() != ErrorKind::BrokenPipe => {
+                    Failure::run(format!("cannot print: {cause}")).report()
+                }
+                _ => ExitCode::from(error.exit_code() as u8),
+            };
         }
     };
     cli.common.start_log();

@@ -237,6 +237,7 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
     let failed = |error: &dyn std::fmt::Display| (FAILED, format!("{shown}: {error}"));
     match Verb::ALL.into_iter().find(|known| known.name() == verb) {
         Some(Verb::Save) => {
+            check_place(file).map_err(|rule| (IMPOSSIBLE, format!("{shown}: {rule}")))?;
             let world = server.save().map_err(|error| (FAILED, error.to_string()))?;
             world.save_file(file).map_err(|error| failed(&error))?;
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
@@ -252,7 +253,8 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             ))
         }
         Some(Verb::Backup) => {
-            let bodies = server.back_up(file).map_err(|error| (FAILED, error.to_string()))?;
+            let outcome = if file.exists() { IMPOSSIBLE } else { FAILED };
+            let bodies = server.back_up(file).map_err(|error| (outcome, error.to_string()))?;
             Ok(format!(
                 "backed up to {shown}, with {bodies} movable bodies (avatars of clients that are away, too): the server's own command goes on with the world, with --data {shown} and \
                  without --directory"
@@ -270,6 +272,17 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             Ok(format!("{node} is drained: other nodes have its regions, and it has ended"))
         }
         None => Err((FAILED, format!("a request to `{verb}`, which this version of dcd does not know"))),
+    }
+}
+
+/// Checks, before a world stops for it, that there may be such a file.
+fn check_place(file: &Path) -> Result<(), &'static str> {
+    if file.is_dir() {
+        return Err("this is a folder; name a file in it");
+    }
+    match file.parent().is_some_and(Path::is_dir) {
+        true => Ok(()),
+        false => Err("there is no such folder; name a file in a folder that exists"),
     }
 }
 
@@ -316,6 +329,17 @@ mod tests {
         assert_eq!([REQUEST, ANSWER, ASKER].map(names), [0, 1, 1]);
         drop(asked);
         assert!(letters(&data).is_empty());
+
+        // What cannot be is told from what fails.
+        let nowhere = folder.path().join("no/such");
+        for (verb, about) in [
+            ("backup", about),
+            ("save", folder.path().to_str().unwrap()),
+            ("save", nowhere.to_str().unwrap()),
+        ] {
+            let (outcome, text) = carry_out(verb, about, &server).unwrap_err();
+            assert_eq!(outcome, IMPOSSIBLE, "{verb}: {text}");
+        }
 
         // Of two that were killed, the server had answered one.
         for (kind, id) in [(REQUEST, 1), (ASKER, 1), (ANSWER, 2), (ASKER, 2), (REQUEST, 3)] {

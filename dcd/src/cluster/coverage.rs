@@ -1,7 +1,7 @@
 //! Knows which part of the world clients look at, as a set of cells: those near their areas of interest, and
 //! near their avatars.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId};
@@ -21,9 +21,10 @@ pub(in crate::cluster) const AROUND_M: f64 = 32.0;
 /// metres before.
 const REPORTED_AROUND_M: f64 = 4.0;
 
-/// The level of the cell around an avatar, for relays: the avatar's cell and all that touch it are covered.
-const RELAYED_AVATARS: i64 = 2;
-const REPORTED_AVATARS: i64 = 1;
+/// The cells around an avatar that are covered, for relays: their level, and how many there are on each side of the
+/// avatar's own. They reach as far as an area around the avatar does.
+const RELAYED_AVATARS: (i64, i64) = (2, 1);
+const REPORTED_AVATARS: (i64, i64) = (0, 2);
 
 /// The largest radius of an area, metres. A client with a larger one counts as looking at everything.
 const MOST_M: f64 = 1_000.0;
@@ -41,17 +42,18 @@ type Block = [Cell; 2];
 #[derive(Clone, Debug)]
 pub(in crate::cluster) struct Coverage {
     around_m: f64,
-    avatar_level: i64,
+    /// The level of the cells around avatars, and how many there are on each side.
+    avatars_have: (i64, i64),
     /// Clients that look at everything.
     all: BTreeSet<ClientId>,
     /// The cells near the area of each other client.
     areas: BTreeMap<ClientId, Block>,
     avatars: BTreeMap<BodyId, Cell>,
     /// How many of these areas, and of the blocks around avatars, each cell is in.
-    cells: BTreeMap<Cell, u32>,
+    cells: HashMap<Cell, u32>,
     levels: BTreeMap<i64, usize>,
     /// Cells that have come to be covered since [`Self::settle`] was last called.
-    grown: BTreeSet<Cell>,
+    grown: HashSet<Cell>,
 }
 
 impl Coverage {
@@ -65,16 +67,16 @@ impl Coverage {
         Self::new(REPORTED_AROUND_M, REPORTED_AVATARS)
     }
 
-    fn new(around_m: f64, avatar_level: i64) -> Self {
+    fn new(around_m: f64, avatars_have: (i64, i64)) -> Self {
         Self {
             around_m,
-            avatar_level,
+            avatars_have,
             all: BTreeSet::new(),
             areas: BTreeMap::new(),
             avatars: BTreeMap::new(),
-            cells: BTreeMap::new(),
+            cells: HashMap::new(),
             levels: BTreeMap::new(),
-            grown: BTreeSet::new(),
+            grown: HashSet::new(),
         }
     }
 
@@ -112,7 +114,7 @@ impl Coverage {
 
     /// Returns the cell that an avatar is in, of the level for avatars.
     pub(in crate::cluster) fn cell_of(&self, avatar: &SharedState) -> Cell {
-        cell_at(self.avatar_level, avatar.pose.translation)
+        cell_at(self.avatars_have.0, avatar.pose.translation)
     }
 
     /// Notes the cell of an avatar, if its client has an area. Returns whether that is another cell than
@@ -122,15 +124,15 @@ impl Coverage {
         if !has_area || self.avatars.get(&avatar) == Some(&cell) {
             return false;
         }
-        let former = self.avatars.insert(avatar, cell).map(around);
-        self.change(former, around(cell));
+        let former = self.avatars.insert(avatar, cell).map(|cell| self.around(cell));
+        self.change(former, self.around(cell));
         true
     }
 
     /// Forgets a body, if it is an avatar.
     pub(in crate::cluster) fn forget(&mut self, id: BodyId) {
         if let Some(at) = self.avatars.remove(&id) {
-            cells_of(around(at)).for_each(|cell| self.uncover(cell));
+            cells_of(self.around(at)).for_each(|cell| self.uncover(cell));
         }
     }
 
@@ -209,6 +211,13 @@ impl Coverage {
         }
     }
 
+    /// Returns the cells that are covered around an avatar in this cell.
+    fn around(&self, [level, x, y, z]: Cell) -> Block {
+        let (_, side) = self.avatars_have;
+        let to = |by: i64| [level, x.saturating_add(by), y.saturating_add(by), z.saturating_add(by)];
+        [to(-side), to(side)]
+    }
+
     /// Returns the cells around an area in which bodies count as near it.
     fn block_around(&self, area: &Area) -> Block {
         let reach_m = 1.15 * area.radius_m + 2.0 + self.around_m;
@@ -231,10 +240,4 @@ fn cells_of([low, high]: Block) -> impl Iterator<Item = Cell> {
 
 fn is_in([low, high]: Block, cell: &Cell) -> bool {
     (0..4).all(|axis| (low[axis]..=high[axis]).contains(&cell[axis]))
-}
-
-/// Returns the block of a cell and all cells that touch it.
-fn around([level, x, y, z]: Cell) -> Block {
-    let to = |by: i64| [level, x.saturating_add(by), y.saturating_add(by), z.saturating_add(by)];
-    [to(-1), to(1)]
 }

@@ -49,6 +49,11 @@ impl Token {
         self.role
     }
 
+    /// Returns how many processes it lets join.
+    pub fn uses(&self) -> u32 {
+        self.uses
+    }
+
     /// Checks, without the server, that the token is for this role.
     pub fn require(&self, wanted: JoinRole) -> Result<(), TokenError> {
         if self.role.admits(wanted) {

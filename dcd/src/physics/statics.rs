@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::record;
 use super::region::{Ownership, Region};
 use super::shapes::{ShapeError, ShapeLibrary};
-use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
+use crate::protocol::{BodyRecord, BodyTraits, JointRecord, WorldPose};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Every immovable body of the world, with its bounds, by id; shared with checkpoints until a body comes,
@@ -35,6 +35,11 @@ impl Statics {
     /// Returns an immovable body by id.
     pub(super) fn body(&self, id: BodyId) -> Option<&BodyRecord> {
         self.bodies.get(&id).map(|(body, _)| body)
+    }
+
+    /// Returns where an immovable body is.
+    pub(super) fn pose(&self, id: BodyId) -> Option<WorldPose> {
+        self.body(id).map(|body| body.state.pose)
     }
 
     /// Records a user's change of a body in place, so that regions that come to hold it later have it too.

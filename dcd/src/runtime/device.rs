@@ -550,20 +550,24 @@ fn contact_pairs(world: &PhysicsWorld) -> u32 {
 /// once.
 #[derive(Default)]
 struct Sampler {
-    awake: BTreeSet<BodyId>,
+    awake: Vec<BodyId>,
 }
 
 impl Sampler {
-    fn sample(&mut self, host: &RegionHost, sampling: Sampling) -> BTreeSet<BodyId> {
+    /// Returns the bodies of a sample, in id order.
+    fn sample(&mut self, host: &RegionHost, sampling: Sampling) -> Vec<BodyId> {
         if sampling == Sampling::Nothing {
-            return BTreeSet::new();
+            return Vec::new();
         }
         let awake = host.awake_bodies();
-        let sampled = match sampling {
+        let before = std::mem::replace(&mut self.awake, awake);
+        let mut sampled: Vec<_> = match sampling {
             Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
-            _ => awake.union(&self.awake).copied().collect(),
+            _ => before.into_iter().chain(self.awake.iter().copied()).collect(),
         };
-        self.awake = awake;
+        // Ordered runs are merged.
+        sampled.sort();
+        sampled.dedup();
         sampled
     }
 }

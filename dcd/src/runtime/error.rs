@@ -183,10 +183,15 @@ pub enum ProcessError {
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
     /// The nodes did not report in time what they own.
-    #[error("the nodes have not said within {} s what they own; save again, or see the server's log for who hangs", waited.as_secs())]
+    #[error("the nodes have not said within {} s what they own; {}", waited.as_secs(), match linked {
+        0 => "none has a link to the server: start one, and save again",
+        _ => "save again, or see the server's log for who hangs",
+    })]
     NotSaved {
         /// How long the server waited.
         waited: Duration,
+        /// The number of nodes that have a link to the server.
+        linked: usize,
     },
     /// A saved world is stepped in another way than the world that it should replace.
     #[error(

@@ -439,7 +439,10 @@ impl ServerProcess {
         let (saver, saved) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Save(saver));
         let saved = saved.recv_timeout(SAVING).map_err(|error| match error {
-            RecvTimeoutError::Timeout => ProcessError::NotSaved { waited: SAVING },
+            RecvTimeoutError::Timeout => {
+                let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
+                ProcessError::NotSaved { waited: SAVING, linked: server.linked_nodes().count() }
+            }
             RecvTimeoutError::Disconnected => ProcessError::Ended("the world has ended".to_owned()),
         })?;
         let viewpoints = self.server.lock().unwrap_or_else(PoisonError::into_inner).viewpoints().to_vec();

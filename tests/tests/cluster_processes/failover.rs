@@ -16,9 +16,16 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// The longest time until joins work again.
 const TAKEOVER: Duration = Duration::from_secs(3);
 
+/// What is served, and its number of bodies.
+type World = (&'static [&'static str], u64);
+const PLAYGROUND: World = (&[concat!(env!("CARGO_MANIFEST_DIR"), "/../dcd/scenes/playground.toml")], 155);
+/// A thousand cubes that never rest.
+const CROWD: World = (&["dve", "--set", "n=1000"], 1_000);
+
 /// Two servers of one world, of which one is active, two nodes, a client that watches and one that plays.
 struct Pair {
     etcd: EtcdCluster,
+    served: World,
     /// The address of the world in etcd.
     place: String,
     folder: tempfile::TempDir,
@@ -36,17 +43,17 @@ impl Pair {
     fn start(members: usize) -> Option<Self> {
         let etcd = EtcdCluster::start(members)?;
         let place = etcd.place("play");
-        Some(Self::start_at(place, etcd))
+        Some(Self::start_at(place, etcd, PLAYGROUND))
     }
 
-    fn start_at(place: String, etcd: EtcdCluster) -> Self {
+    fn start_at(place: String, etcd: EtcdCluster, served: World) -> Self {
         let folder = tempfile::tempdir().unwrap();
         // A standby server has no port yet, but other processes need to know it.
         let addresses = [(); 2].map(|()| free_address().to_string());
         let data = folder.path().join("0");
-        let mut active = serve(&place, &addresses[0], &data);
+        let mut active = serve(served, &place, &addresses[0], &data);
         active.line("listening ");
-        let mut standby = serve(&place, &addresses[1], &folder.path().join("1"));
+        let mut standby = serve(served, &place, &addresses[1], &folder.path().join("1"));
         let holder = standby.line("standing by for ");
         assert!(holder.starts_with(&addresses[0]) && holder.contains(" on "), "{holder}");
         let both = addresses.join(",");
@@ -62,7 +69,7 @@ impl Pair {
         let player = join("client", &["client", "--json", "--avatars", "10"]);
         let witness = Witness::join(&both, token(&data, "client"));
         let servers = [Some(active), Some(standby)];
-        Self { etcd, place, folder, addresses, servers, active: 0, nodes, player, witness }
+        Self { etcd, served, place, folder, addresses, servers, active: 0, nodes, player, witness }
     }
 
     fn data(&self, server: usize) -> PathBuf {
@@ -103,7 +110,7 @@ impl Pair {
     /// Restarts the server that was killed or replaced, as a standby.
     fn stand_by(&mut self) {
         let other = 1 - self.active;
-        let mut standby = serve(&self.place, &self.addresses[other], &self.data(other));
+        let mut standby = serve(self.served, &self.place, &self.addresses[other], &self.data(other));
         standby.line("standing by for ");
         self.servers[other] = Some(standby);
     }
@@ -118,7 +125,7 @@ impl Pair {
         let served = self.servers[self.active].take().unwrap().end();
         let summary = served.json();
         assert_eq!((&summary["lost"], &summary["doubled"]), (&0.into(), &0.into()), "{served:?}");
-        assert_eq!(summary["bodies"], 165, "155 and the player's: {served:?}");
+        assert_eq!(summary["bodies"], self.served.1 + 10, "with the player's: {served:?}");
         for node in self.nodes {
             assert_eq!(node.end().code(), Some(0));
         }
@@ -170,10 +177,10 @@ fn is_taken_over_in_time(case: impl Fn() -> Option<Duration>) {
 /// The password of the servers' user where etcd has users.
 const PASSWORD: &str = "of dcd";
 
-fn serve(place: &str, listen: &str, data: &Path) -> Process {
+fn serve((world, _): World, place: &str, listen: &str, data: &Path) -> Process {
     let mut command =
         dcd(&["serve", "--json", "--nodes", "2", "--listen", listen, "--directory", place, "--data"]);
-    Process::start(command.env("DCD_ETCD_PASSWORD", PASSWORD).arg(data).arg(playground()))
+    Process::start(command.env("DCD_ETCD_PASSWORD", PASSWORD).arg(data).args(world))
 }
 
 #[test]
@@ -192,6 +199,19 @@ fn a_server_that_is_killed_under_load_is_taken_over_by_the_one_that_stands_by() 
     assert!(refused.contains("used"), "a token is used for all servers: {refused}");
     pair.end();
     assert!(takeovers.iter().all(|joined| *joined < TAKEOVER), "{takeovers:?}");
+}
+
+#[test]
+fn a_server_of_a_thousand_bodies_that_move_is_taken_over_as_soon() {
+    is_taken_over_in_time(|| {
+        let etcd = EtcdCluster::start(1)?;
+        let mut pair = Pair::start_at(etcd.place("play"), etcd, CROWD);
+        pair.active().kill();
+        let joined = pair.take_over().check("killed while a thousand bodies move");
+        pair.stand_by();
+        pair.end();
+        Some(joined)
+    });
 }
 
 #[test]
@@ -218,7 +238,7 @@ fn a_server_is_taken_over_in_an_etcd_with_tls_and_users() {
         let etcd = EtcdCluster::start_over_tls(&[Certified::Well; 3], &options)?;
         etcd.add_user("dcd", PASSWORD, "dcd/play/");
         etcd.enable_users();
-        let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd);
+        let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd, PLAYGROUND);
         // The member that answers then did not issue the token.
         pair.etcd.kill(0);
         let stood = pair.witness.watch_for(Duration::from_secs(4));
@@ -242,7 +262,7 @@ fn a_server_without_a_users_password_says_what_is_missing() {
         (place.clone(), "user=NAME&password-file=FILE"),
         (place + "&user=dcd", "user dcd with the password of the environment's DCD_ETCD_PASSWORD"),
     ] {
-        let ended = serve(&place, "127.0.0.1:0", folder.path()).end();
+        let ended = serve(PLAYGROUND, &place, "127.0.0.1:0", folder.path()).end();
         assert!(ended.errors.contains(remedy), "{ended:?}");
         assert!(!ended.errors.contains(PASSWORD), "{ended:?}");
         assert!(!ended.status.success(), "{ended:?}");
@@ -297,7 +317,7 @@ fn a_server_of_another_world_does_not_stand_by() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let folder = tempfile::tempdir().unwrap();
     let (place, data) = (etcd.place("play"), folder.path().join("0"));
-    let mut active = serve(&place, "127.0.0.1:0", &data);
+    let mut active = serve(PLAYGROUND, &place, "127.0.0.1:0", &data);
     let address = active.line("listening ");
     let _nodes = [(); 2].map(|()| {
         let token = token(&data, "node");
@@ -321,9 +341,9 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let folder = tempfile::tempdir().unwrap();
     let place = etcd.place("play");
-    let mut first = serve(&place, "127.0.0.1:0", &folder.path().join("0"));
+    let mut first = serve(PLAYGROUND, &place, "127.0.0.1:0", &folder.path().join("0"));
     first.line("listening ");
-    let mut second = serve(&place, "127.0.0.1:0", &folder.path().join("1"));
+    let mut second = serve(PLAYGROUND, &place, "127.0.0.1:0", &folder.path().join("1"));
     second.line("standing by for ");
     let asks = |verb: &[&str], data: &str| {
         Process::start(dcd(verb).arg("--data").arg(folder.path().join(data))).end()
@@ -333,7 +353,7 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
         assert_eq!(ended.code(), Some(2), "{ended:?}");
         assert!(ended.errors.contains("stands by, and another one has the world"), "{ended:?}");
     }
-    let beside = serve(&place, "127.0.0.1:0", &folder.path().join("1")).end();
+    let beside = serve(PLAYGROUND, &place, "127.0.0.1:0", &folder.path().join("1")).end();
     assert_eq!(beside.code(), Some(1), "{beside:?}");
     assert!(beside.errors.contains("another server"), "{beside:?}");
     first.interrupt();
@@ -341,7 +361,7 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
     second.line("listening ");
     let drained = asks(&["drain", "n1"], "1");
     assert!(drained.errors.contains("n1"), "it stands by no longer: {drained:?}");
-    let mut third = serve(&place, "127.0.0.1:0", &folder.path().join("2"));
+    let mut third = serve(PLAYGROUND, &place, "127.0.0.1:0", &folder.path().join("2"));
     third.line("standing by for ");
     for stops in [third, second] {
         stops.interrupt();
@@ -355,7 +375,7 @@ fn the_end_of_a_world_that_its_server_did_not_live_to_end_is_not_claimed() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("0");
-    let mut server = serve(&etcd.place("play"), "127.0.0.1:0", &data);
+    let mut server = serve(PLAYGROUND, &etcd.place("play"), "127.0.0.1:0", &data);
     server.line("listening ");
     server.signal("-STOP");
     let end = || Process::start(dcd(&["end", "--data"]).arg(&data));
@@ -372,7 +392,7 @@ fn the_end_of_a_world_that_its_server_did_not_live_to_end_is_not_claimed() {
     let nobody = end().end();
     assert_eq!(nobody.code(), Some(2), "{nobody:?}");
     assert!(nobody.errors.contains("start its server again and end it then"), "{nobody:?}");
-    let mut server = serve(&etcd.place("play"), "127.0.0.1:0", &data);
+    let mut server = serve(PLAYGROUND, &etcd.place("play"), "127.0.0.1:0", &data);
     server.line("listening ");
     let [one, other] = [end(), end()].map(Process::end);
     for ended in [one, other] {

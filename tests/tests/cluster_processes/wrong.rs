@@ -274,6 +274,11 @@ fn a_process_that_cannot_start_does_not_use_up_its_token() {
     assert_eq!(ended.code(), Some(2), "{ended:?}");
     let ended = Process::start(dcd(&client).args(["--gltf", "/nonexistent/film.glb"])).end();
     assert_eq!(ended.code(), Some(2), "{ended:?}");
-    assert_eq!(Process::start(&mut dcd(&client)).end().code(), Some(0));
+    let ended = Process::start(dcd(&client).args(["--truth", &token])).end();
+    assert_eq!(ended.code(), Some(2), "{ended:?}");
+    has(&ended.errors, &["--truth has the token of --token"]);
+    let ended = Process::start(dcd(&client).arg("--json")).end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.json()["bytes_per_s"].is_null(), "it stayed too briefly: {ended:?}");
     server.stop();
 }

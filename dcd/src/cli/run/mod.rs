@@ -74,13 +74,16 @@ pub(super) struct Run {
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
-    /// Write the state of every movable body at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region
+    /// Write the state of every movable body at the end: id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region; an
+    /// existing file is replaced
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Save the whole world at the end, also when Ctrl-C ends it; `dcd run FILE.dcd` goes on with it
+    /// Save the whole world at the end, also when Ctrl-C ends it; `dcd run FILE.dcd` goes on with it. An
+    /// existing file is replaced once the new one is whole
     #[arg(long, value_name = "FILE.dcd")]
     save: Option<PathBuf>,
-    /// Record the world: `dcd replay FILE` computes it again, bit for bit
+    /// Record the world: `dcd replay FILE` computes it again, bit for bit. A file with
+    /// content is refused
     #[arg(long, value_name = "FILE.dcdr")]
     record: Option<PathBuf>,
     #[command(flatten)]

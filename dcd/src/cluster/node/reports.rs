@@ -1,7 +1,7 @@
 //! Chooses which of a member's bodies it reports to the leader: those that somebody looks at. So the leader
 //! has nothing to do with all others, however many the group computes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::Node;
 use crate::cluster::Sampling;
@@ -19,9 +19,9 @@ pub(super) struct Reports {
     coverage: Coverage,
     /// The state that the leader was last told of each body. A body without an entry is reported wherever it
     /// is.
-    told: BTreeMap<BodyId, SharedState>,
-    /// The last states of bodies that the leader does not have so, since nobody looked. Those awake are in
-    /// the next sample, or gone.
+    told: HashMap<BodyId, SharedState>,
+    /// The states of bodies that fell asleep where nobody looked, so that the leader does not have them so. Bodies
+    /// that are awake are in the next sample, or gone.
     untold: BTreeMap<BodyId, SharedState>,
     /// Says whether the next report is to look through all bodies.
     looks_through: bool,
@@ -35,7 +35,7 @@ impl Default for Reports {
     fn default() -> Self {
         Self {
             coverage: Coverage::of_reports(),
-            told: BTreeMap::new(),
+            told: HashMap::new(),
             untold: BTreeMap::new(),
             looks_through: false,
             all_begins: false,
@@ -88,7 +88,8 @@ impl Reports {
     fn sampling(&mut self) -> Sampling {
         let is_grown = self.all_begins || self.coverage.has_grown();
         // A body that has come to be looked at may be another member's by now.
-        let comes = is_grown && self.untold.values().any(|state| self.is_due(state));
+        let comes =
+            is_grown && self.untold.values().any(|state| self.is_due(state, self.told.get(&state.id)));
         let sampling = if self.looks_through || comes { Sampling::All } else { Sampling::Moved };
         self.asked = Some(sampling);
         sampling
@@ -116,17 +117,17 @@ impl Reports {
             self.looks_through = false;
             self.told.retain(|id, _| has(id));
             self.untold.clear();
-        } else {
-            self.untold.retain(|id, state| state.sleeping && !has(id));
         }
         let mut due = Vec::new();
         for state in sampled {
             // Of a sample of moved bodies every due one is reported; of a sample of all, those that the
             // leader does not have so.
-            let is_known = self.told.get(&state.id) == Some(&state);
-            match self.is_due(&state) {
+            let told = self.told.get(&state.id);
+            let is_known = told == Some(&state);
+            self.untold.remove(&state.id);
+            match self.is_due(&state, told) {
                 true if sampling == Sampling::Moved || !is_known => due.push(state),
-                false if !is_known => _ = self.untold.insert(state.id, state),
+                false if state.sleeping && !is_known => _ = self.untold.insert(state.id, state),
                 _ => {}
             }
         }
@@ -134,10 +135,10 @@ impl Reports {
         due
     }
 
-    fn is_due(&self, state: &SharedState) -> bool {
+    /// Returns whether the leader, which was `told` of a body, must be told of this state of it.
+    fn is_due(&self, state: &SharedState, told: Option<&SharedState>) -> bool {
         // A body that has been another member's since may have been reported by that member.
-        let told = self.told.get(&state.id).filter(|told| told.epoch == state.epoch);
-        let Some(told) = told else { return true };
+        let Some(told) = told.filter(|told| told.epoch == state.epoch) else { return true };
         let is_seen = |state: &SharedState| self.coverage.covers(state.pose.translation);
         let is_watched = self.coverage.is_all() || state.id.client().is_some();
         // A body that is awake has moved, or stays where others would think that it has moved on.

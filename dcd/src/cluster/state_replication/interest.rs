@@ -3,8 +3,10 @@
 //! date.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 use super::news::{Change, Latest, News};
+use super::places::Places;
 use super::trails::{SILENT_S, Trails};
 use crate::cluster::coverage::AROUND_M;
 use crate::protocol::{Area, SharedState};
@@ -37,6 +39,7 @@ pub(super) struct Audience {
     /// Bodies outside that have moved since the client was last told of them, each with the place that it was
     /// told. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
+    stale_places: Places,
     /// Bodies outside of which the client was told since bodies last moved. If they move on, they are stale
     /// from then on.
     parted: BTreeSet<BodyId>,
@@ -45,9 +48,9 @@ pub(super) struct Audience {
 }
 
 impl Audience {
-    /// Returns the audience of a client that was sent all these bodies, and has this area of interest from
-    /// now on.
-    pub(super) fn new(client: ClientId, area: Area, latest: &Latest) -> Self {
+    /// Returns the audience of a client that was sent all these bodies, which are at these places, and has this area of
+    /// interest from now on.
+    pub(super) fn new(client: ClientId, area: Area, latest: &Latest, places: &Places) -> Self {
         let mut audience = Self {
             client,
             area,
@@ -55,10 +58,11 @@ impl Audience {
             inside: BTreeSet::new(),
             owed: BTreeSet::new(),
             stale: BTreeMap::new(),
+            stale_places: Places::default(),
             parted: BTreeSet::new(),
             is_new: true,
         };
-        audience.settle(latest);
+        audience.settle(latest, places);
         audience
     }
 
@@ -68,10 +72,10 @@ impl Audience {
     }
 
     /// Changes the area of interest.
-    pub(super) fn turn_to(&mut self, area: Area, latest: &Latest) {
+    pub(super) fn turn_to(&mut self, area: Area, latest: &Latest, places: &Places) {
         if area != self.area {
             self.area = area;
-            self.settle(latest);
+            self.settle(latest, places);
         }
     }
 
@@ -94,17 +98,21 @@ impl Audience {
         self.owed.extend(gone_through.into_iter().filter(|id| latest.contains_key(id)));
     }
 
-    fn settle(&mut self, latest: &Latest) {
-        let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);
-        for (&id, (state, _)) in latest.range(own) {
+    fn settle(&mut self, latest: &Latest, places: &Places) {
+        for (&id, (state, _)) in latest.range(self.own()) {
             self.follow(id, state);
         }
-        self.look(latest);
+        self.look(latest, places);
+    }
+
+    /// Returns the ids that the client's own avatars may have.
+    fn own(&self) -> RangeInclusive<BodyId> {
+        BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX)
     }
 
     /// Returns the bodies to send, in id order: those that moved in the area, and those that came into it or
     /// left it.
-    pub(super) fn batch(&mut self, news: &News, latest: &Latest) -> BTreeSet<BodyId> {
+    pub(super) fn batch(&mut self, news: &News, latest: &Latest, places: &Places) -> BTreeSet<BodyId> {
         let moved = news.all();
         let from = moved.partition_point(|change| change.state.id < BodyId::avatar(self.client, 0));
         let client = self.client;
@@ -114,7 +122,7 @@ impl Audience {
             strayed |= self.follow(state.id, state);
         }
         if strayed {
-            self.look(latest);
+            self.look(latest, places);
         }
         let mut told = self.tell(news);
         told.append(&mut self.owed);
@@ -164,7 +172,7 @@ impl Audience {
         if self.reaches_to(&state, is_inside) {
             told.insert(id);
             self.inside.insert(id);
-            self.stale.remove(&id);
+            self.put_right(id);
         } else if is_inside {
             self.inside.remove(&id);
             self.owed.insert(id);
@@ -172,7 +180,9 @@ impl Audience {
             match before {
                 // The area has come to where the client has the body.
                 Some(before) if self.spans(before) => drop(self.owed.insert(id)),
-                Some(before) => drop(self.stale.insert(id, before)),
+                Some(before) => {
+                    self.stale_places.put(id, self.stale.insert(id, before), before);
+                }
                 // Nobody knows what an earlier leader sent.
                 None => drop(told.insert(id)),
             }
@@ -193,15 +203,21 @@ impl Audience {
     /// Notes the place at which the client has now been told that a body is.
     pub(super) fn has_told(&mut self, state: &SharedState) {
         if let Some(at) = self.stale.get_mut(&state.id) {
-            *at = state.pose.translation;
+            let before = std::mem::replace(at, state.pose.translation);
+            self.stale_places.put(state.id, Some(before), *at);
         }
+    }
+
+    /// Notes that a body is not stale any more.
+    fn put_right(&mut self, id: BodyId) {
+        self.stale.remove(&id).into_iter().for_each(|at| self.stale_places.remove(id, at));
     }
 
     pub(super) fn forget(&mut self, id: BodyId) {
         self.near.remove(&id);
         self.inside.remove(&id);
         self.owed.remove(&id);
-        self.stale.remove(&id);
+        self.put_right(id);
         self.parted.remove(&id);
     }
 
@@ -219,14 +235,21 @@ impl Audience {
         true
     }
 
-    /// Looks at all bodies after the area has changed. It marks as owed the bodies that come in, those that
-    /// go, so that the client knows, and those that the client has in the area although they have moved on
-    /// unseen.
-    fn look(&mut self, latest: &Latest) {
-        for (&id, (state, _)) in latest {
+    /// Looks at what was inside, and at what is where the area may be, after the area has changed. It marks as owed the
+    /// bodies that come in, those that go, so that the client knows, and those that the client has in the area although
+    /// they have moved on unseen.
+    fn look(&mut self, latest: &Latest, places: &Places) {
+        let areas: Vec<_> = self.near.values().chain([&self.area]).copied().collect();
+        let own = latest.range(self.own()).map(|(&id, _)| id);
+        let near = areas.iter().flat_map(|area| places.near(area));
+        let mut looked_at: Vec<_> = self.inside.iter().copied().chain(own).chain(near).collect();
+        looked_at.sort_unstable();
+        looked_at.dedup();
+        for id in looked_at {
+            let Some((state, _)) = latest.get(&id) else { continue };
             let is_inside = self.reaches(state);
             if is_inside {
-                self.stale.remove(&id);
+                self.put_right(id);
             }
             if is_inside != self.inside.contains(&id) {
                 self.owed.insert(id);
@@ -236,10 +259,11 @@ impl Audience {
                 }
             }
         }
-        let ghosts = self.stale.iter().filter(|(_, at)| self.spans(**at));
-        for id in ghosts.map(|(&id, _)| id).collect::<Vec<_>>() {
-            self.stale.remove(&id);
-            self.owed.insert(id);
+        for id in areas.iter().flat_map(|area| self.stale_places.near(area)).collect::<Vec<_>>() {
+            if self.stale.get(&id).is_some_and(|at| self.spans(*at)) {
+                self.put_right(id);
+                self.owed.insert(id);
+            }
         }
     }
 
@@ -266,6 +290,7 @@ mod tests {
         latest: Latest,
         moved: Moved,
         former: Vec<BodyId>,
+        places: Places,
         audience: Audience,
         believed: BTreeMap<BodyId, [f64; 3]>,
     }
@@ -291,26 +316,30 @@ mod tests {
         fn new(bodies: &[(BodyId, f64)], area: Area) -> Self {
             let latest: Latest = bodies.iter().map(|&(id, x)| (id, (state(id, x), Tick(0)))).collect();
             let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
-            let audience = Audience::new(CLIENT, area, &latest);
-            let mut stage = Self { latest, moved: Moved::new(), former: Vec::new(), audience, believed };
+            let places = bodies.iter().map(|&(id, x)| (id, [x, 0.0, 0.0])).collect();
+            let audience = Audience::new(CLIENT, area, &latest, &places);
+            let mut stage =
+                Self { latest, moved: Moved::new(), former: Vec::new(), places, audience, believed };
             stage.tell();
             stage
         }
 
         fn put(&mut self, id: BodyId, x: f64) {
             let before = self.latest.insert(id, (state(id, x), Tick(0)));
-            self.moved.entry(id).or_insert(before.map(|(state, _)| state.pose.translation));
+            let before = before.map(|(state, _)| state.pose.translation);
+            self.places.put(id, before, [x, 0.0, 0.0]);
+            self.moved.entry(id).or_insert(before);
         }
 
         fn turn_to(&mut self, area: Area) {
-            self.audience.turn_to(area, &self.latest);
+            self.audience.turn_to(area, &self.latest, &self.places);
         }
 
         /// Returns the bodies that the client is sent at the end of a tick.
         fn tell(&mut self) -> Vec<BodyId> {
             let moved = std::mem::take(&mut self.moved);
             let news = News::of(&moved, &self.former, &self.latest, self.audience.radius_m());
-            let told = self.audience.batch(&news, &self.latest);
+            let told = self.audience.batch(&news, &self.latest, &self.places);
             if !moved.is_empty() {
                 self.former = moved.into_keys().collect();
             }

@@ -12,6 +12,7 @@ mod feed;
 mod interest;
 mod news;
 mod place;
+mod places;
 mod reach;
 #[cfg(test)]
 mod tests;
@@ -28,6 +29,7 @@ use self::interest::Audience;
 pub(super) use self::news::Latest;
 use self::news::{Moved, News};
 pub(super) use self::place::Replication;
+use self::places::Places;
 pub use self::tick::TickNews;
 use self::trails::Trails;
 use super::Peer;
@@ -184,6 +186,8 @@ pub struct StateReplication {
     trails: Option<Trails>,
     /// The audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
+    /// The places of all bodies, while there are audiences.
+    places: Places,
     messages: Vec<(ClientId, ToClient)>,
     member_messages: Vec<(NodeId, Message)>,
 }
@@ -225,6 +229,7 @@ impl StateReplication {
             moved_last: Vec::new(),
             trails: None,
             audiences: BTreeMap::new(),
+            places: Places::default(),
             messages: Vec::new(),
             member_messages: Vec::new(),
         }
@@ -345,6 +350,10 @@ impl StateReplication {
         let mut moved = Moved::new();
         for (id, (state, tick)) in news.moved {
             let before = self.latest.insert(id, (state, tick));
+            if !self.audiences.is_empty() {
+                let before = before.map(|(before, _)| before.pose.translation);
+                self.places.put(id, before, state.pose.translation);
+            }
             if let (Some(trails), Some((before, _))) = (&mut self.trails, &before) {
                 let places = (before.pose.translation, state.pose.translation);
                 trails.add((last, self.tick), self.dt.as_secs_f64(), id, places);
@@ -393,7 +402,11 @@ impl StateReplication {
     }
 
     fn forget(&mut self, id: BodyId) {
-        self.latest.remove(&id);
+        if let Some((state, _)) = self.latest.remove(&id)
+            && !self.audiences.is_empty()
+        {
+            self.places.remove(id, state.pose.translation);
+        }
         if let Ok(place) = self.moved_last.binary_search(&id) {
             self.moved_last.remove(place);
         }
@@ -410,12 +423,16 @@ impl StateReplication {
             let is_first = self.undecided.remove(&client);
             let told_elsewhere = self.told_elsewhere.remove(&client);
             match (self.audiences.get_mut(&client), area) {
-                (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
+                (Some(audience), Some(area)) => audience.turn_to(area, &self.latest, &self.places),
                 (None, Some(area)) => {
                     if let Some(channel) = self.channels.get_mut(&client) {
                         channel.catch_up(&self.batches, || self.latest.keys().copied());
                     }
-                    let mut audience = Audience::new(client, area, &self.latest);
+                    if self.audiences.is_empty() {
+                        let all = self.latest.iter().map(|(&id, (state, _))| (id, state.pose.translation));
+                        self.places = all.collect();
+                    }
+                    let mut audience = Audience::new(client, area, &self.latest, &self.places);
                     if told_elsewhere {
                         let now = (self.tick, self.dt.as_secs_f64());
                         audience.begin_after(now, &self.latest, self.trails.as_ref());
@@ -450,8 +467,9 @@ impl StateReplication {
                 News::of(&moved, &self.moved_last, &self.latest, *radius_m)
             }
         };
-        let latest = &self.latest;
-        let batch = |(&client, audience): (&ClientId, &mut Audience)| (client, audience.batch(&news, latest));
+        let (latest, places) = (&self.latest, &self.places);
+        let batch =
+            |(&client, audience): (&ClientId, &mut Audience)| (client, audience.batch(&news, latest, places));
         let batches: Vec<_> = self.audiences.iter_mut().map(batch).collect();
         for (client, bodies) in batches.into_iter().filter(|(_, bodies)| !bodies.is_empty()) {
             self.tell_soon(client, bodies);

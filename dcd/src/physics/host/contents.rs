@@ -54,15 +54,19 @@ impl RegionHost {
         self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
     }
 
-    /// Returns the movable bodies owned here that do not sleep.
-    pub(crate) fn awake_bodies(&self) -> BTreeSet<BodyId> {
+    /// Returns the movable bodies owned here that do not sleep, in id order.
+    pub(crate) fn awake_bodies(&self) -> Vec<BodyId> {
         let awake = self.regions().flat_map(|region| region.awake().map(move |handle| (region, handle)));
         let owned = awake.filter_map(|(region, handle)| {
             let (id, _) = region.role_of(handle)?;
             let here = Home { rank: region.rank(), handle };
             (self.owner_index.home(id) == Some(here)).then_some(id)
         });
-        owned.collect()
+        let mut owned: Vec<_> = owned.collect();
+        owned.sort_unstable();
+        // A region may list one more than once.
+        owned.dedup();
+        owned
     }
 
     /// Returns the copies of movable bodies here that do not sleep, whoever owns them, some more than once.

@@ -257,6 +257,7 @@ impl RegionHost {
                 side.outbox.clear(tick);
             }
         }
+        let statics = self.statics.clone();
         let step = move |side: &mut Side| {
             let start = Instant::now();
             let (steps, clock, dt_s) = (side.steps(), side.clock, side.substep_s(settings.dt_s));
@@ -264,7 +265,7 @@ impl RegionHost {
             // A region with fewer substeps than the rest of the world begins its tick in a later round.
             let begins = region.begins_tick();
             if begins {
-                region.shift_origin(tick, clock.span);
+                region.shift_origin(tick, clock.span, |id| statics.pose(id));
                 region.time_mut().begin(clock.span, relative_time(settings.solver_iterations, clock.span));
             }
             settings.coupling.prepare(region, dt_s);

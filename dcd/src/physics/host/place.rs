@@ -11,6 +11,7 @@ use crate::physics::owner_index::Home;
 use crate::physics::placement::{self, Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
+use crate::physics::statics::Statics;
 use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
@@ -325,7 +326,7 @@ impl RegionHost {
         }
         let Some(place) = place else { return Ok(()) };
         let region = &mut self.sides[place].region;
-        settle_origin(region, std::iter::once(&body));
+        settle_origin(region, &self.statics, std::iter::once(&body));
         Ok(self.insert_owned(place, body, false)?)
     }
 
@@ -357,7 +358,7 @@ impl RegionHost {
             let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
             let rank = region.rank();
             let own = bodies.iter().zip(owners).filter(|(body, owner)| **owner == rank && movable(body));
-            settle_origin(region, own.map(|(body, _)| body));
+            settle_origin(region, &self.statics, own.map(|(body, _)| body));
             let stands = bodies.iter().zip(owners).zip(&standing).filter(|((_, owner), _)| **owner == rank);
             let stands: Vec<_> = stands.filter(|(_, stands)| **stands).map(|((body, _), _)| body).collect();
             let warms = !stands.is_empty() && !region.holds_movable();
@@ -500,13 +501,13 @@ pub(super) fn check_state(body: &BodyRecord) -> Result<(), HostError> {
 }
 
 /// Gives a region that owns no body yet a floating origin that suits the bodies to come.
-fn settle_origin<'a>(region: &mut Region, own: impl Iterator<Item = &'a BodyRecord>) {
+fn settle_origin<'a>(region: &mut Region, statics: &Statics, own: impl Iterator<Item = &'a BodyRecord>) {
     let mut places = own.map(|body| body.state.pose.translation).peekable();
     if places.peek().is_some()
         && !region.owns_any()
         && let Some(anchor) = better_anchor(region.anchor(), places)
     {
-        region.set_anchor(anchor);
+        region.set_anchor(anchor, |id| statics.pose(id));
     }
 }
 

@@ -286,7 +286,9 @@ mod tests {
         let flagged = |host: &RegionHost| {
             let owned = host.owned_bodies();
             let awake = owned.filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping());
-            awake.map(|(id, ..)| id).collect::<BTreeSet<_>>()
+            let mut ids: Vec<_> = awake.map(|(id, ..)| id).collect();
+            ids.sort();
+            ids
         };
         let id = BodyId::persistent;
         let record = host.record(id(8)).unwrap();

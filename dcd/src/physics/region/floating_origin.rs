@@ -6,7 +6,7 @@ use rapier3d::prelude::*;
 use super::{Ownership, Region};
 use crate::physics::convert;
 use crate::protocol::WorldPose;
-use crate::space::{Bounds, Tick};
+use crate::space::{BodyId, Bounds, Tick};
 
 /// Ticks between two checks of the anchor: at 1,000 m/s a body goes a kilometre meanwhile.
 const EVERY_TICKS: u64 = 64;
@@ -16,8 +16,13 @@ const FAR_M: f64 = 1024.0;
 impl Region {
     /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much
     /// nearer to it. Must be called before the first step of a tick. `span` is the number of ticks of that
-    /// step.
-    pub(in crate::physics) fn shift_origin(&mut self, tick: Tick, span: u8) {
+    /// step, and `immovable` returns where an immovable body is.
+    pub(in crate::physics) fn shift_origin(
+        &mut self,
+        tick: Tick,
+        span: u8,
+        immovable: impl Fn(BodyId) -> Option<WorldPose>,
+    ) {
         if tick.0 % EVERY_TICKS >= u64::from(span) {
             return;
         }
@@ -26,7 +31,7 @@ impl Region {
         let places =
             owned.map(|handle| convert::world_point(self.anchor, self.world.bodies[handle].translation()));
         if let Some(anchor) = better_anchor(self.anchor, places) {
-            self.set_anchor(anchor);
+            self.set_anchor(anchor, immovable);
         }
     }
 }

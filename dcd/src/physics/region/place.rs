@@ -7,6 +7,7 @@ use super::{BodyRef, COVER_M, Ownership, Region, StepTime, floating_origin};
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
+use crate::protocol::WorldPose;
 use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
 /// The distance outside the cell, metres, up to which a sleeping body stays here.
@@ -134,8 +135,13 @@ impl Region {
         &mut self.time
     }
 
-    /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space.
-    pub(in crate::physics) fn set_anchor(&mut self, anchor: [f64; 3]) {
+    /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space: `immovable`
+    /// returns where an immovable body is, which may not have been resolved as far from the former anchor as it was.
+    pub(in crate::physics) fn set_anchor(
+        &mut self,
+        anchor: [f64; 3],
+        immovable: impl Fn(BodyId) -> Option<WorldPose>,
+    ) {
         let from = std::mem::replace(&mut self.anchor, anchor);
         // Exact: anchors lie on a grid, and f32 represents the way from one to the other unless it is too
         // far.
@@ -154,11 +160,12 @@ impl Region {
         self.due.fill(0);
         self.unsettle_characters();
         self.unsettle_vehicles();
-        let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable);
-        for handle in immovable.map(|slot| self.by_id[&slot.id]) {
+        for slot in self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable) {
             let PhysicsWorld { bodies, colliders, .. } = &mut *self.world;
-            let body = &bodies[handle];
-            let pose = convert::world_from_region(anchor, body.position());
+            let body = &mut bodies[self.by_id[&slot.id]];
+            let here = || convert::world_from_region(anchor, body.position());
+            let pose = immovable(slot.id).unwrap_or_else(here);
+            body.set_position(convert::region_from_world(anchor, &pose), false);
             for &collider in body.colliders() {
                 if colliders[collider].shape().as_halfspace().is_some() {
                     floating_origin::fetch_plane(&mut colliders[collider], &pose, anchor);

@@ -27,7 +27,7 @@ impl Region {
         self.set_drive(id, state.drive);
     }
 
-    /// Updates the broad phase for bodies that were put elsewhere since the last step, since controllers
+    /// Updates the broad phase for bodies that came or were put elsewhere since the last step, since controllers
     /// query it before the next one.
     pub(in crate::physics) fn find_moved(&mut self) {
         let touched = self.touched.clone();

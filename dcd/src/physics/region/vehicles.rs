@@ -23,7 +23,7 @@ const HEAVIEST_KG: f32 = 1e9;
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Driving {
     drive: Drive,
-    /// Says whether the region has been stepped since the vehicle came. Only then do rays find what came with it.
+    /// Says whether rays find all that came with the vehicle.
     settled: bool,
 }
 
@@ -48,7 +48,7 @@ impl Region {
         true
     }
 
-    /// Makes all vehicles fall freely for a substep, since rays find what is below them only after a step.
+    /// Notes that everything has another place in the region's space, where rays have to find it first.
     pub(super) fn unsettle_vehicles(&mut self) {
         self.vehicles.values_mut().for_each(|driving| driving.settled = false);
     }
@@ -82,16 +82,13 @@ impl Region {
 
     /// Drives all awake vehicles held here for a substep of this length, in id order.
     pub(super) fn drive_on(&mut self, dt_s: f32) {
-        if self.vehicles.is_empty() {
-            return;
+        if self.vehicles.values().any(|driving| !driving.settled) {
+            self.find_moved();
+            self.vehicles.values_mut().for_each(|driving| driving.settled = true);
         }
-        let ids: Vec<_> = self.vehicles.keys().copied().collect();
-        for id in ids {
-            let Driving { drive, settled } = self.vehicles[&id];
-            self.vehicles.insert(id, Driving { drive, settled: true });
-            if settled {
-                self.drive_one(self.by_id[&id], &drive, dt_s);
-            }
+        let all: Vec<_> = self.vehicles.iter().map(|(&id, driving)| (id, driving.drive)).collect();
+        for (id, drive) in all {
+            self.drive_one(self.by_id[&id], &drive, dt_s);
         }
     }
 

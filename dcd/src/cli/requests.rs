@@ -253,7 +253,8 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             ))
         }
         Some(Verb::Backup) => {
-            let outcome = if file.exists() { IMPOSSIBLE } else { FAILED };
+            let is_free = !file.exists() && file.parent().is_some_and(Path::is_dir);
+            let outcome = if is_free { FAILED } else { IMPOSSIBLE };
             let bodies = server.back_up(file).map_err(|error| (outcome, error.to_string()))?;
             Ok(format!(
                 "backed up to {shown}, with {bodies} movable bodies (avatars of clients that are away, too): the server's own command goes on with the world, with --data {shown} and \
@@ -279,6 +280,9 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
 fn check_place(file: &Path) -> Result<(), &'static str> {
     if file.is_dir() {
         return Err("this is a folder; name a file in it");
+    }
+    if file.exists() && !file.is_file() {
+        return Err("there is something that is not a regular file; name another file");
     }
     match file.parent().is_some_and(Path::is_dir) {
         true => Ok(()),

@@ -63,7 +63,7 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     for (place, said) in [(&copy, "it is there already"), (&file("no/folder"), "no/folder")] {
         let refused = back_up(&data, place);
         let errors = &refused.errors;
-        assert!(refused.code() == Some(1) && errors.contains(said), "{refused:?}");
+        assert!(refused.code() == Some(2) && errors.contains(said), "{refused:?}");
         assert!(errors.contains("name a folder") && !errors.contains("start again"), "{refused:?}");
     }
     // A node joins after the backup.

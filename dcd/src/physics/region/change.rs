@@ -27,6 +27,22 @@ impl Region {
         }
     }
 
+    /// Updates the broad phase for bodies that came or were put elsewhere since the last step, since controllers
+    /// query it before the next one.
+    pub(in crate::physics) fn find_moved(&mut self) {
+        let touched = self.touched.clone();
+        let PhysicsWorld { bodies, colliders, broad_phase, integration_parameters, .. } = self.world_mut();
+        bodies.propagate_modified_body_positions_to_colliders(colliders);
+        let moved = touched.iter().filter_map(|&handle| bodies.get(handle)).flat_map(RigidBody::colliders);
+        for &handle in moved {
+            let Some(collider) = colliders.get(handle).filter(|collider| collider.is_enabled()) else {
+                continue;
+            };
+            let aabb = collider.compute_broad_phase_aabb(integration_parameters, bodies);
+            broad_phase.set_aabb(integration_parameters, handle, aabb);
+        }
+    }
+
     /// Does the same as [`Region::touch`], but keeps `found`, the moved colliders that queries have
     /// collected, and updates this body's among them. Nothing else may have changed since they were
     /// collected.

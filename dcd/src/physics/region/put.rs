@@ -1,7 +1,5 @@
 //! Puts bodies into given states, as clients need that predict a world and are told otherwise.
 
-use rapier3d::prelude::*;
-
 use super::Region;
 use crate::physics::convert;
 use crate::protocol::BodyState;

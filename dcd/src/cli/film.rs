@@ -129,7 +129,7 @@ impl Camera {
                 ));
             } else if seen_s + self.period_s < end {
                 common.say(&format!(
-                    "--gltf-seconds {start}..{end}: the film ends at {seen_s:.1} s, as all else"
+                    "--gltf-seconds {start}..{end}: the film ends at {seen_s:.1} s, after which there is nothing to film"
                 ));
             }
         }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::failure::Failure;
+use super::run::snapshot::check_place;
 use super::values::{AS_SERVERS_USER, of_folder, stands_by};
 use crate::cluster::DrainError;
 use crate::runtime::{LocalWorld, ServerProcess, Waiting, is_served, is_standby, is_waiting};
@@ -237,7 +238,13 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
     let failed = |error: &dyn std::fmt::Display| (FAILED, format!("{shown}: {error}"));
     match Verb::ALL.into_iter().find(|known| known.name() == verb) {
         Some(Verb::Save) => {
-            check_place(file).map_err(|rule| (IMPOSSIBLE, format!("{shown}: {rule}")))?;
+            // Before the world stops for it.
+            check_place(file).map_err(|cause| {
+                (
+                    IMPOSSIBLE,
+                    format!("{shown}: {cause}; name a file in a folder where the server's user may write"),
+                )
+            })?;
             let world = server.save().map_err(|error| (FAILED, error.to_string()))?;
             world.save_file(file).map_err(|error| failed(&error))?;
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
@@ -273,20 +280,6 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             Ok(format!("{node} is drained: other nodes have its regions, and it has ended"))
         }
         None => Err((FAILED, format!("a request to `{verb}`, which this version of dcd does not know"))),
-    }
-}
-
-/// Checks, before a world stops for it, that there may be such a file.
-fn check_place(file: &Path) -> Result<(), &'static str> {
-    if file.is_dir() {
-        return Err("this is a folder; name a file in it");
-    }
-    if file.exists() && !file.is_file() {
-        return Err("there is something that is not a regular file; name another file");
-    }
-    match file.parent().is_some_and(Path::is_dir) {
-        true => Ok(()),
-        false => Err("there is no such folder; name a file in a folder that exists"),
     }
 }
 

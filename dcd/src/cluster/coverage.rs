@@ -24,6 +24,7 @@ const REPORTED_AROUND_M: f64 = 4.0;
 /// The cells around an avatar that are covered, for relays: their level, and how many there are on each side of the
 /// avatar's own. They reach as far as an area around the avatar does.
 const RELAYED_AVATARS: (i64, i64) = (2, 1);
+/// The same for members' reports.
 const REPORTED_AVATARS: (i64, i64) = (0, 2);
 
 /// The largest radius of an area, metres. A client with a larger one counts as looking at everything.
@@ -43,7 +44,7 @@ type Block = [Cell; 2];
 pub(in crate::cluster) struct Coverage {
     around_m: f64,
     /// The level of the cells around avatars, and how many there are on each side.
-    avatars_have: (i64, i64),
+    avatar_cells: (i64, i64),
     /// Clients that look at everything.
     all: BTreeSet<ClientId>,
     /// The cells near the area of each other client.
@@ -67,10 +68,10 @@ impl Coverage {
         Self::new(REPORTED_AROUND_M, REPORTED_AVATARS)
     }
 
-    fn new(around_m: f64, avatars_have: (i64, i64)) -> Self {
+    fn new(around_m: f64, avatar_cells: (i64, i64)) -> Self {
         Self {
             around_m,
-            avatars_have,
+            avatar_cells,
             all: BTreeSet::new(),
             areas: BTreeMap::new(),
             avatars: BTreeMap::new(),
@@ -114,7 +115,7 @@ impl Coverage {
 
     /// Returns the cell that an avatar is in, of the level for avatars.
     pub(in crate::cluster) fn cell_of(&self, avatar: &SharedState) -> Cell {
-        cell_at(self.avatars_have.0, avatar.pose.translation)
+        cell_at(self.avatar_cells.0, avatar.pose.translation)
     }
 
     /// Notes the cell of an avatar, if its client has an area. Returns whether that is another cell than
@@ -213,7 +214,7 @@ impl Coverage {
 
     /// Returns the cells that are covered around an avatar in this cell.
     fn around(&self, [level, x, y, z]: Cell) -> Block {
-        let (_, side) = self.avatars_have;
+        let (_, side) = self.avatar_cells;
         let to = |by: i64| [level, x.saturating_add(by), y.saturating_add(by), z.saturating_add(by)];
         [to(-side), to(side)]
     }

@@ -16,7 +16,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// The longest time until joins work again.
 const TAKEOVER: Duration = Duration::from_secs(3);
 
-/// What is served, and its number of bodies.
+/// The arguments of `dcd serve` that name a world, and its number of bodies.
 type World = (&'static [&'static str], u64);
 const PLAYGROUND: World = (&[concat!(env!("CARGO_MANIFEST_DIR"), "/../dcd/scenes/playground.toml")], 155);
 /// A thousand cubes that never rest.

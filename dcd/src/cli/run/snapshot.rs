@@ -18,18 +18,8 @@ pub(super) struct Target {
 
 impl Target {
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
-        let mut part = place_of(&path).into_os_string();
-        part.push(format!(".{}.part", std::process::id()));
         let target = Self { path };
-        if target.path.is_dir() {
-            return Err(Failure::usage(target.refused(&"it is a folder")));
-        }
-        if target.path.exists() && !target.path.is_file() {
-            return Err(Failure::usage(target.refused(&"it is a device or a pipe")));
-        }
-        File::create_new(&part)
-            .and_then(|_| fs::remove_file(&part))
-            .map_err(|error| Failure::usage(target.refused(&error)))?;
+        check_place(&target.path).map_err(|cause| Failure::usage(target.refused(&cause)))?;
         Ok(target)
     }
 
@@ -46,6 +36,19 @@ impl Target {
             self.path.display()
         )
     }
+}
+
+/// Checks that a snapshot can be written to a path; otherwise it returns the cause.
+pub(in crate::cli) fn check_place(path: &Path) -> Result<(), String> {
+    if path.is_dir() {
+        return Err("it is a folder".to_owned());
+    }
+    if path.exists() && !path.is_file() {
+        return Err("it is a device or a pipe, not a regular file".to_owned());
+    }
+    let mut part = place_of(path).into_os_string();
+    part.push(format!(".{}.part", std::process::id()));
+    File::create_new(&part).and_then(|_| fs::remove_file(&part)).map_err(|error| error.to_string())
 }
 
 /// Returns whether this path is that of a snapshot, by its extension or its content.

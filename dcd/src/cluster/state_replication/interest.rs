@@ -39,6 +39,7 @@ pub(super) struct Audience {
     /// Bodies outside that have moved since the client was last told of them, each with the place that it was
     /// told. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
+    /// The same bodies, by the places that the client was told.
     stale_places: Places,
     /// Bodies outside of which the client was told since bodies last moved. If they move on, they are stale
     /// from then on.

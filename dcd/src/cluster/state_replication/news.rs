@@ -84,6 +84,7 @@ impl News {
     }
 }
 
-fn cell(at: [f64; 3], cell_m: f64) -> [i64; 3] {
+/// Returns the cell of a grid that a place is in.
+pub(super) fn cell(at: [f64; 3], cell_m: f64) -> [i64; 3] {
     at.map(|value| (value / cell_m).floor() as i64)
 }

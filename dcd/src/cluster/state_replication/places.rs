@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::news;
 use crate::protocol::Area;
 use crate::space::BodyId;
 
@@ -60,7 +61,7 @@ impl Places {
 }
 
 fn cell(at: [f64; 3]) -> [i64; 3] {
-    at.map(|value| (value / CELL_M).floor() as i64)
+    news::cell(at, CELL_M)
 }
 
 #[cfg(test)]

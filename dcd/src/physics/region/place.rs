@@ -135,8 +135,8 @@ impl Region {
         &mut self.time
     }
 
-    /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space: `immovable`
-    /// returns where an immovable body is, which may not have been resolved as far from the former anchor as it was.
+    /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space. An
+    /// immovable body, which may have been rounded far from the former anchor, is put where `immovable` says that it is.
     pub(in crate::physics) fn set_anchor(
         &mut self,
         anchor: [f64; 3],

@@ -56,6 +56,12 @@ pub(super) struct Dealt {
 }
 
 impl Shared {
+    /// Returns the rank of the owner of a body whose mass is not split.
+    #[inline]
+    pub(super) fn owner(&self) -> Option<usize> {
+        self.members.without(self.warming).iter().next()
+    }
+
     /// Returns whether its mass is split among several copies. Otherwise the owner's copy has all of it, and
     /// the others are ghosts.
     #[inline]

@@ -94,6 +94,17 @@ impl Region {
         }
     }
 
+    /// Puts a copy to sleep where its owner's sleeps, unless it sleeps already. In the next step it finds its contacts there.
+    pub(in crate::physics) fn put_copy_to_sleep(&mut self, handle: RigidBodyHandle, pose: Pose) {
+        if self.world.bodies[handle].is_sleeping() {
+            return;
+        }
+        self.put_copy(handle, pose);
+        // Its velocities are zero in its sleep.
+        self.world.bodies[handle].sleep();
+        self.turnover.born_asleep.push(handle);
+    }
+
     /// Leaves a body at rest, with what is beside it, when the coupling is about to change it.
     pub(super) fn leave_at_rest(&mut self, handle: RigidBodyHandle) {
         self.turnover.left.push(handle);
@@ -543,6 +554,45 @@ mod tests {
             (0..1_000).for_each(|_| world.step().unwrap());
             let awake = boxes.iter().filter(|&&id| !world.body(id).unwrap().is_sleeping()).count();
             assert_eq!(awake, 0, "seed {seed}");
+        }
+    }
+
+    /// Eight neat towers of 25 boxes, 25 mm apart. A neighbour finds the contacts of its copies later than their owner, in other places.
+    #[test]
+    fn neat_towers_beside_a_border_fall_asleep_as_in_one_world() {
+        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+        use crate::space::Axis;
+        const HEIGHT: usize = 25;
+        let lean = |planes: &[f64]| {
+            let planes = planes.iter().map(|&z| (Axis::Z, z)).collect();
+            let partitioning = Partitioning::Cuts(planes);
+            let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+            world.insert(ground, ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+            let mut tops = Vec::new();
+            for i in 0..8 * HEIGHT {
+                let (tower, level) = (i / HEIGHT, i % HEIGHT);
+                let at = Vector::new(0.0, 0.5 * level as f32 + 0.25, 0.525 * (tower as f32 - 3.5));
+                let body = RigidBodyBuilder::dynamic().translation(at);
+                let collider = ColliderBuilder::cuboid(0.25, 0.25, 0.25).density(100.0);
+                let id = world.insert(body, collider).unwrap();
+                if level == HEIGHT - 1 {
+                    tops.push(id);
+                }
+            }
+            (0..240).for_each(|_| world.step().unwrap());
+            let awake = tops.iter().filter(|&&id| !world.body(id).unwrap().is_sleeping()).count();
+            let lean = |&id| world.pose(id).unwrap().translation[0].abs();
+            (awake, tops.iter().map(lean).fold(0.0, f64::max))
+        };
+        let (awake, one_world_m) = lean(&[]);
+        assert_eq!(awake, 0);
+        for planes in [&[0.0][..], &[-1.05, 0.0, 1.05]] {
+            let (awake, lean_m) = lean(planes);
+            assert!(
+                awake == 0 && lean_m < 1.1 * one_world_m,
+                "{awake} awake, {lean_m} m, {one_world_m} in one world"
+            );
         }
     }
 }

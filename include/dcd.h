@@ -2857,7 +2857,8 @@ DcdStatus dcd_shape_mesh(DcdWorld world,
 
 // Makes terrain in the x-z plane around its origin. `heights` holds `rows` heights along z times `columns` along x, metres, at
 // heights[row + column * rows]. `scale` stretches the terrain: the whole is scale[0] by scale[2] metres, and heights are times
-// scale[1]. Use it for fixed bodies: it has no mass by density.
+// scale[1]. Use it for fixed bodies: it has no mass by density. It bears what is above it. What rolls from triangle to triangle is
+// not slowed by their edges.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (fewer than 2 rows or columns, heights out of range, or a scale
 // below DCD_MIN_SIZE).

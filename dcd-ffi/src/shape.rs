@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dcd::physics::{ShapeLibrary, convex_hull};
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
-use rapier3d::parry::shape::{HeightFieldFlags, RoundShape, TriMeshFlags, TypedShape};
+use rapier3d::parry::shape::{HeightFieldFlags, RoundShape, TypedShape};
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{Pose, Rotation, Shape, ShapeType, SharedShape, Vector};
 
@@ -170,7 +170,7 @@ pub unsafe extern "C" fn dcd_shape_hull(
 
 /// Makes a mesh of `triangle_count` triangles. `xyz` holds 3 × vertex_count floats, metres. `indices` holds 3 × triangle_count
 /// indices: each triangle has three indices below `vertex_count`, counter-clockwise seen from outside. Triangles without area are
-/// left out, and equal vertices become one. What rolls or slides from triangle to triangle is not stopped by their common edge.
+/// left out.
 ///
 /// A mesh is hollow, and has mass by density only if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (vertices out of range, no triangle with an area, or an index
@@ -198,8 +198,7 @@ pub unsafe extern "C" fn dcd_shape_mesh(
                 "index {index} is past the {vertex_count} vertices; count from 0"
             )));
         }
-        let flags = TriMeshFlags::FIX_INTERNAL_EDGES_TWO_SIDED;
-        let mesh = SharedShape::trimesh_with_flags(vertices, triangles.to_vec(), flags).map_err(|cause| {
+        let mesh = SharedShape::trimesh(vertices, triangles.to_vec()).map_err(|cause| {
             Failure::argument(format!("the mesh is refused ({cause}); check its triangles"))
         })?;
         add(world, mesh, out)
@@ -208,7 +207,8 @@ pub unsafe extern "C" fn dcd_shape_mesh(
 
 /// Makes terrain in the x-z plane around its origin. `heights` holds `rows` heights along z times `columns` along x, metres, at
 /// heights[row + column * rows]. `scale` stretches the terrain: the whole is scale[0] by scale[2] metres, and heights are times
-/// scale[1]. Use it for fixed bodies: it has no mass by density.
+/// scale[1]. Use it for fixed bodies: it has no mass by density. It bears what is above it. What rolls from triangle to triangle is
+/// not slowed by their edges.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (fewer than 2 rows or columns, heights out of range, or a scale
 /// below DCD_MIN_SIZE).

@@ -263,8 +263,8 @@ fn just_asleep(region: &Region, link: BodyRef, shared: &Shared) -> Option<CopySt
     copies().all(|(_, copy)| copy.sleeping || sways(copy)).then_some(*owners)
 }
 
-/// Returns the islands here of bodies whose owners' copies have just fallen asleep, in order, if any copy here would wake
-/// these.
+/// Returns the islands here of which a copy would wake its owner's, in order; none unless some owner's copy has just fallen
+/// asleep.
 fn swaying(region: &Region, all: &SharedBodies) -> Vec<BodyId> {
     let whole = || {
         let links = region.held_elsewhere().filter_map(|link| Some((link, all.get(link.handle)?)));

@@ -557,7 +557,7 @@ mod tests {
         }
     }
 
-    /// Eight neat towers of 25 boxes, 25 mm apart. A neighbour finds the contacts of its copies later than their owner, in other places.
+    /// Eight neat towers of 25 boxes, 25 mm apart. Copies of them that a neighbouring region holds never come to rest by themselves.
     #[test]
     fn neat_towers_beside_a_border_fall_asleep_as_in_one_world() {
         use crate::runtime::{LocalWorld, Partitioning, WorldConfig};

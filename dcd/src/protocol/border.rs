@@ -39,6 +39,8 @@ pub struct CopyState {
     pub velocity: Velocity,
     /// Says whether the copy sleeps.
     pub sleeping: bool,
+    /// The time for which the copy has been still, seconds.
+    pub still_s: f32,
     /// The force of contacts and joints on this copy, newtons, as its region remembers it.
     pub force_n: [f32; 3],
     /// The torque of contacts and joints on this copy, newton metres.

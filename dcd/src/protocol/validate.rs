@@ -376,6 +376,7 @@ impl Check for CopyState {
     fn check(&self) -> Result<(), Invalid> {
         self.pose.check()?;
         self.velocity.check()?;
+        numbers(&[self.still_s], "copy.still_s")?;
         finite(&self.force_n, "copy.force_n")?;
         finite(&self.torque_nm, "copy.torque_nm")
     }

@@ -10,12 +10,12 @@ use rapier3d::prelude::*;
 
 use super::auto::{self, Disagreement};
 use super::launch::{stopped_um, way_m};
-use super::shared::{Shared, SharedBodies};
+use super::shared::Shared;
 use super::{Border, Moment, strike};
 use crate::physics::convert;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{CopyState, Velocity, WorldPose};
-use crate::space::{BodyId, RegionSet};
+use crate::space::RegionSet;
 
 /// Speeds and displacements below which a ghost's pose is left alone: a pose written every step would never
 /// let it sleep.
@@ -41,9 +41,6 @@ const IN_MOTION: f32 = 0.1;
 /// The speeds of another copy, or of the consensus, above which a sleeping copy is woken.
 pub(super) const WAKE_M_S: f32 = 0.05;
 pub(super) const WAKE_RAD_S: f32 = 0.05;
-/// The speed up to which a copy is taken to be at rest with its owner's, though its region finds that it moves. What
-/// strikes a copy makes it faster.
-const SWAYS_M_S: f32 = 0.25;
 
 /// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for
 /// each other region, how far the velocities of the copies of split bodies held by both were from their
@@ -57,7 +54,6 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
         shared.is_some_and(|shared| !shared.is_split() && moment.is_due(pace.exchanges_among(shared.members)))
     });
     leaders.find(region, all, whole, moment.settings.dt_s);
-    let swaying = swaying(region, all);
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
         let Some(shared) = all.get_mut(link.handle) else { continue };
@@ -70,7 +66,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
         } else if is_due {
-            follow(region, link, shared, leaders.of(link.handle), &swaying, moment.settings.dt_s);
+            follow(region, link, shared, leaders.of(link.handle), moment.settings.dt_s);
         }
     }
 }
@@ -171,40 +167,21 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
 /// Gives the copy of a body that is not split the state that it has in the leading region. That region solved
 /// the contacts of everything that touches together, so that what one body loses another gains. The impulses
 /// of contacts that the leader did not see are added. Where nothing touches the body its owner leads, unless
-/// another copy was stopped on its way by something that the owner does not hold. In the tick in which a body falls asleep
-/// at an owner that leads, copies that would wake it again are put to sleep, too.
-fn follow(
-    region: &mut Region,
-    link: BodyRef,
-    shared: &mut Shared,
-    leader: Option<usize>,
-    swaying: &[BodyId],
-    tick_s: f32,
-) {
+/// another copy was stopped on its way by something that the owner does not hold.
+fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>, tick_s: f32) {
     let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     let all_sleep = body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping);
-    let owner = shared.owner();
-    if shared.heard.is_empty() || all_sleep && shared.displaced.is_none() {
-        if owner.is_some() && region.slot(link.handle).led_by == owner {
-            region.slot_mut(link.handle).led_by = None;
-        }
+    if shared.heard.is_empty() || all_sleep && !shared.displaced {
         return;
     }
+    let owner = shared.members.without(shared.warming).iter().next();
     let own = (!is_broken(region, link)).then_some((own_rank, &shared.own));
     let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     let leap_m = region.leap_m(link.handle);
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
-    if let Some(copy) = just_asleep(region, link, shared) {
-        let pose = convert::region_from_world(region.anchor(), &copy.pose);
-        region.slot_mut(link.handle).led_by = None;
-        if swaying.binary_search(&shared.own.island).is_ok() {
-            region.put_copy_to_sleep(link.handle, pose);
-        }
-        return;
-    }
     // Contacts move only dynamic bodies; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
@@ -214,7 +191,7 @@ fn follow(
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
         // A copy that has just come has yet to hear where it is.
-        if shared.displaced.is_none() {
+        if !shared.displaced {
             region.give_up_copies(link.handle);
         }
         return;
@@ -236,57 +213,13 @@ fn follow(
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
     if rank != own_rank || struck.is_some() {
-        if let Some(still_s) = shared.displaced.take() {
+        if std::mem::take(&mut shared.displaced) {
             let pose = convert::region_from_world(region.anchor(), &copy.pose);
-            let still_s = if still_s > 0.0 { still_s + tick_s } else { 0.0 };
-            region.put_copy_back(link.handle, pose, still_s);
+            region.put_copy_back(link.handle, pose, copy.still_s);
         }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
+        region.set_still(link.handle, copy.still_s);
     }
-}
-
-/// Returns the owner's copy of a body if that has led and has just fallen asleep, while the others are awake for nothing
-/// that the owner does not hold.
-///
-/// Copies find their contacts later than the owner's, and Parry may lose corners of them. Such copies are put right by the
-/// owner's in every exchange, and come to rest later, or never: they would lead, and wake the owner's.
-fn just_asleep(region: &Region, link: BodyRef, shared: &Shared) -> Option<CopyState> {
-    let owner = shared.owner().filter(|_| shared.displaced.is_none())?;
-    if region.slot(link.handle).led_by != Some(owner) || !region.physics().bodies[link.handle].is_dynamic() {
-        return None;
-    }
-    let own = (region.rank(), &shared.own);
-    let copies =
-        || shared.heard.iter().map(|(rank, copy)| (*rank, copy)).chain([own]).filter(|(_, copy)| copy.sound);
-    let (_, owners) = copies().find(|(rank, copy)| *rank == owner && copy.sleeping)?;
-    let sways = |copy: &CopyState| copy.held_by.contains(owner) && speed_m_s(copy) < SWAYS_M_S;
-    copies().all(|(_, copy)| copy.sleeping || sways(copy)).then_some(*owners)
-}
-
-/// Returns the islands here of which a copy would wake its owner's, in order; none unless some owner's copy has just fallen
-/// asleep.
-fn swaying(region: &Region, all: &SharedBodies) -> Vec<BodyId> {
-    let whole = || {
-        let links = region.held_elsewhere().filter_map(|link| Some((link, all.get(link.handle)?)));
-        links.filter(|(_, shared)| !shared.is_split() && !shared.own.sleeping)
-    };
-    if !whole().any(|(link, shared)| just_asleep(region, link, shared).is_some()) {
-        return Vec::new();
-    }
-    let wakes = |copy: &CopyState| speed_m_s(copy) > WAKE_M_S || spin_rad_s(copy) > WAKE_RAD_S;
-    let wake = whole().filter(|(_, shared)| wakes(&shared.own));
-    let mut islands: Vec<_> = wake.map(|(_, shared)| shared.own.island).collect();
-    islands.sort_unstable();
-    islands.dedup();
-    islands
-}
-
-fn speed_m_s(copy: &CopyState) -> f32 {
-    Vector::from_array(copy.velocity.linear).length()
-}
-
-fn spin_rad_s(copy: &CopyState) -> f32 {
-    Vector::from_array(copy.velocity.angular).length()
 }
 
 /// Returns the mean pose and velocity of copies: the arithmetic mean of positions and velocities, and the

@@ -76,10 +76,9 @@ fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], hel
         return;
     }
     for (handle, pose) in places {
-        let still_s = region.physics().bodies[handle].activation().time_since_can_sleep;
         region.put_copy(handle, pose);
         if let Some(shared) = border.shared.get_mut(handle) {
-            shared.displaced = Some(still_s);
+            shared.displaced = true;
         }
     }
 }

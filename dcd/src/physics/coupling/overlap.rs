@@ -114,7 +114,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let grounded = islands.is_grounded(link.handle);
     let mut copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
     // A displaced copy is not where the body is: no region may use it.
-    copy.sound &= shared.displaced.is_none();
+    copy.sound &= !shared.displaced;
     let dealt = std::mem::take(&mut shared.dealt);
     let velocity = match copy.sound {
         true => strike::counted(region, link.handle, &dealt, &copy.velocity),

@@ -35,9 +35,9 @@ pub(super) struct Shared {
     pub dealt: Dealt,
     /// The impulse on this copy after it was sent to a new member, which is still to be told.
     pub owed: Option<Strike>,
-    /// For how long the body has been still, in seconds, if the copy lies as it did when its owner found its
-    /// contacts, and not where the body is; until the next exchange.
-    pub displaced: Option<f32>,
+    /// Says whether the copy lies as it did when its owner found its contacts, and not where the body is; until the
+    /// next exchange.
+    pub displaced: bool,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which its island has included bodies of other regions.
@@ -56,12 +56,6 @@ pub(super) struct Dealt {
 }
 
 impl Shared {
-    /// Returns the rank of the owner of a body whose mass is not split.
-    #[inline]
-    pub(super) fn owner(&self) -> Option<usize> {
-        self.members.without(self.warming).iter().next()
-    }
-
     /// Returns whether its mass is split among several copies. Otherwise the owner's copy has all of it, and
     /// the others are ghosts.
     #[inline]
@@ -142,7 +136,7 @@ impl SharedBodies {
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.heard.clear();
-        shared.displaced = None;
+        shared.displaced = false;
     }
 
     /// Sets the members of a body and its warm-up ghosts. A body with one member is no longer shared.
@@ -199,6 +193,7 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &Shared, ti
         pose: convert::world_from_region(region.anchor(), body.position()),
         velocity: convert::velocity_of(body),
         sleeping: body.is_sleeping(),
+        still_s: body.activation().time_since_can_sleep,
         force_n: force.to_array(),
         torque_nm: torque.to_array(),
         sound: true,

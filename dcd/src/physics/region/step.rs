@@ -31,7 +31,7 @@ impl Region {
         self.stirred = false;
         self.hand_awake_over();
         self.choose_joints();
-        let woken = self.wake_newcomers();
+        let woken = self.wake_newcomers(parameters.dt);
         self.moved.take();
         let start = Instant::now();
         match self.hooks.as_deref() {

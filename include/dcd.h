@@ -2844,6 +2844,10 @@ DcdStatus dcd_shape_hull(DcdWorld world,
 // indices: each triangle has three indices below `vertex_count`, counter-clockwise seen from outside. Triangles without area are
 // left out.
 //
+// A `one_sided` mesh bears what is outside, and lets pass what comes from inside, at its triangles that run clockwise, too. What rolls
+// from triangle to triangle on it is not slowed by their edges. Any other mesh bears what is on either side, and its edges slow what
+// rolls over them by some hundredths.
+//
 // A mesh is hollow, and has mass by density only if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (vertices out of range, no triangle with an area, or an index
 // past the vertices).
@@ -2853,6 +2857,7 @@ DcdStatus dcd_shape_mesh(DcdWorld world,
                          size_t vertex_count,
                          const uint32_t *indices,
                          size_t triangle_count,
+                         bool one_sided,
                          DcdShapeId *out);
 
 // Makes terrain in the x-z plane around its origin. `heights` holds `rows` heights along z times `columns` along x, metres, at

@@ -619,11 +619,11 @@ public:
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_hull(world_, floats(points), points.size(), out); });
     }
-    Result<ShapeId> shape_mesh(Span<const Vec3> vertices, Span<const std::array<std::uint32_t, 3>> triangles)
+    Result<ShapeId> shape_mesh(Span<const Vec3> vertices, Span<const std::array<std::uint32_t, 3>> triangles, bool one_sided = false)
     {
         const std::uint32_t *indices = triangles.empty() ? nullptr : triangles.data()->data();
         return got<ShapeId>([&](ShapeId *out) {
-            return dcd_shape_mesh(world_, floats(vertices), vertices.size(), indices, triangles.size(), out);
+            return dcd_shape_mesh(world_, floats(vertices), vertices.size(), indices, triangles.size(), one_sided, out);
         });
     }
     /* Makes terrain. Fails with DCD_ERR_ARGUMENT also when `heights` does not have rows * columns numbers. */

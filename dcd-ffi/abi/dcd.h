@@ -1113,6 +1113,7 @@ DcdStatus dcd_shape_mesh(DcdWorld world,
                          size_t vertex_count,
                          const uint32_t *indices,
                          size_t triangle_count,
+                         bool one_sided,
                          DcdShapeId *out);
 DCD_API
 DcdStatus dcd_shape_heightfield(DcdWorld world,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dcd::physics::{ShapeLibrary, convex_hull};
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
-use rapier3d::parry::shape::{HeightFieldFlags, RoundShape, TypedShape};
+use rapier3d::parry::shape::{HeightFieldFlags, RoundShape, TriMeshFlags, TypedShape};
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{Pose, Rotation, Shape, ShapeType, SharedShape, Vector};
 
@@ -172,6 +172,10 @@ pub unsafe extern "C" fn dcd_shape_hull(
 /// indices: each triangle has three indices below `vertex_count`, counter-clockwise seen from outside. Triangles without area are
 /// left out.
 ///
+/// A `one_sided` mesh bears what is outside, and lets pass what comes from inside, at its triangles that run clockwise, too. What rolls
+/// from triangle to triangle on it is not slowed by their edges. Any other mesh bears what is on either side, and its edges slow what
+/// rolls over them by some hundredths.
+///
 /// A mesh is hollow, and has mass by density only if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (vertices out of range, no triangle with an area, or an index
 /// past the vertices).
@@ -182,6 +186,7 @@ pub unsafe extern "C" fn dcd_shape_mesh(
     vertex_count: usize,
     indices: *const u32,
     triangle_count: usize,
+    one_sided: bool,
     out: *mut DcdShapeId,
 ) -> DcdStatus {
     guard("dcd_shape_mesh", || {
@@ -198,7 +203,8 @@ pub unsafe extern "C" fn dcd_shape_mesh(
                 "index {index} is past the {vertex_count} vertices; count from 0"
             )));
         }
-        let mesh = SharedShape::trimesh(vertices, triangles.to_vec()).map_err(|cause| {
+        let flags = if one_sided { TriMeshFlags::FIX_INTERNAL_EDGES } else { TriMeshFlags::default() };
+        let mesh = SharedShape::trimesh_with_flags(vertices, triangles.to_vec(), flags).map_err(|cause| {
             Failure::argument(format!("the mesh is refused ({cause}); check its triangles"))
         })?;
         add(world, mesh, out)

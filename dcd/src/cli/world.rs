@@ -194,10 +194,11 @@ pub(super) fn explained(error: WorldError, scene: &Scene) -> Failure {
 }
 
 fn outside(axis: Axis, at: f64, scene: &Scene) -> Failure {
-    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    let millimetres = |corner: [f64; 3]| corner.map(|at| (1e3 * at).round() / 1e3);
+    let (min, max) = (millimetres(scene.bounds.min), millimetres(scene.bounds.max));
     let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
     Failure::usage(format!(
-        "the plane {}={at} cuts no region of `{}`; give each plane once, within the world: x from {x}, y from {y}, z from {z}",
+        "the plane {}={at} cuts no region of `{}`; give each plane once, within the world's bounds: x from {x}, y from {y}, z from {z}",
         ["x", "y", "z"][axis.index()],
         scene.name
     ))

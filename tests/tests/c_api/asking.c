@@ -50,7 +50,7 @@ static Place at(DcdWorld world)
     OK(dcd_shape_sphere(world, 0.75f, &place.ball));
     OK(dcd_shape_box(world, half, &place.plank));
     OK(dcd_shape_hull(world, corners, 5, &place.hull));
-    OK(dcd_shape_mesh(world, corners, 5, faces, 2, &place.mesh));
+    OK(dcd_shape_mesh(world, corners, 5, faces, 2, false, &place.mesh));
     const DcdShapeId parts[2] = { place.ball, place.plank };
     OK(dcd_shape_compound(world, parts, frames, 2, &place.both));
     for (uint32_t i = 0; i < BODIES; i++)

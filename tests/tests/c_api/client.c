@@ -173,7 +173,7 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     DcdBodyDef net = avatar_def(world);
     const float corners[] = { 0, 0, 0, 1, 0, 0, 0, 1, 0 };
     const uint32_t face[] = { 0, 1, 2 };
-    OK(dcd_shape_mesh(world, corners, 3, face, 1, &net.shape));
+    OK(dcd_shape_mesh(world, corners, 3, face, 1, false, &net.shape));
     FAILS(dcd_body_create(world, &net, &body), DCD_ERR_ARGUMENT, "an avatar cannot be a mesh");
     fixed.body_type = DCD_KINEMATIC_POSE;
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);

@@ -62,7 +62,7 @@ static void shapes(DcdWorld world)
     for (size_t i = 0; i < 3 * count; i++)
         HOLDS(indices[i] < 4);
 
-    OK(dcd_shape_mesh(world, corners, 4, faces, 2, &shape));
+    OK(dcd_shape_mesh(world, corners, 4, faces, 2, false, &shape));
     info = info_of(world, shape);
     HOLDS(info.kind == DCD_SHAPE_MESH && info.vertex_count == 4 && info.triangle_count == 2);
     OK(dcd_shape_vertices(world, shape, xyz, 4, &count));

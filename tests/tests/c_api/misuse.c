@@ -55,7 +55,7 @@ static void mass_stays(void)
     DcdBodyInfo info = DCD_BODY_INFO_INIT;
     DcdShapeId sheet = { 0 }, box = make_box(world);
     DcdBodyId body = { 0 };
-    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, &sheet), DCD_OK);
+    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, false, &sheet), DCD_OK);
     def.shape = sheet;
     FAILS(dcd_body_create(world, &def, &body), DCD_ERR_ARGUMENT, "no mass");
     def.extra_mass = 3.0f;
@@ -301,13 +301,13 @@ static void shapes(void)
     EXPECT(dcd_shape_hull(world, solid, 0, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_hull(world, flat, 4, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_hull(world, solid, SIZE_MAX, &shape), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 0, &shape), DCD_ERR_ARGUMENT);
-    EXPECT(dcd_shape_mesh(world, solid, 4, beyond, 1, &shape), DCD_ERR_ARGUMENT);
-    FAILS(dcd_shape_mesh(world, solid, 4, line, 1, &shape), DCD_ERR_ARGUMENT, "mesh is flat");
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 0, false, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, beyond, 1, false, &shape), DCD_ERR_ARGUMENT);
+    FAILS(dcd_shape_mesh(world, solid, 4, line, 1, false, &shape), DCD_ERR_ARGUMENT, "mesh is flat");
     FAILS(dcd_shape_hull(world, dust, 4, &shape), DCD_ERR_ARGUMENT, "1e-4");
     FAILS(dcd_shape_hull(world, sheet, 4, &shape), DCD_ERR_ARGUMENT, "1e-4"); /* along one axis */
-    EXPECT(dcd_shape_mesh(world, solid, 4, NULL, 1, &shape), DCD_ERR_NULL);
-    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, SIZE_MAX / 2, &shape), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_shape_mesh(world, solid, 4, NULL, 1, false, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, SIZE_MAX / 2, false, &shape), DCD_ERR_ARGUMENT);
     EXPECT(dcd_shape_heightfield(world, solid, 1, 4, HALF, &shape), DCD_ERR_ARGUMENT);
     FAILS(dcd_shape_heightfield(world, solid, SIZE_MAX, SIZE_MAX, HALF, &shape), DCD_ERR_ARGUMENT, "cut the terrain");
     EXPECT(dcd_shape_heightfield(world, solid, 2, 2, zero, &shape), DCD_ERR_ARGUMENT);
@@ -320,8 +320,8 @@ static void shapes(void)
     parts[0] = make_box(world);
     parts[1] = shape;
     FAILS(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT, "parts[1]"); /* terrain is no part either */
-    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, &shape), DCD_OK); /* the valid triangle alone */
-    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, &shape), DCD_OK);
+    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, false, &shape), DCD_OK); /* the valid triangle alone */
+    EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, false, &shape), DCD_OK);
     parts[0] = make_box(world);
     parts[1] = shape;
     EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT); /* a mesh is no part */
@@ -1178,7 +1178,7 @@ static void queries(void)
     const uint32_t triangle[3] = { 0, 1, 2 };
     DcdShapeCast cast = DCD_SHAPE_CAST_INIT, fair;
     DcdShapeHit met;
-    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, &mesh), DCD_OK);
+    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, false, &mesh), DCD_OK);
     fair = cast;
     fair.shape = box;
 #define STUCK(member, value, code)                                                                                    \

@@ -264,7 +264,7 @@ static DcdStatus play(void)
     case 4:
         return dcd_shape_hull(world, points, dice(9), shape);
     case 5:
-        return dcd_shape_mesh(world, points, 8, indices, dice(5), shape);
+        return dcd_shape_mesh(world, points, 8, indices, dice(5), dice(2), shape);
     case 6:
         return dcd_shape_heightfield(world, points, dice(5), dice(6), three, shape);
     case 7: {

@@ -71,7 +71,7 @@ CALL(dcd_shape_hull) { DcdShapeId id; return dcd_shape_hull(s->world, CORNERS, 4
 CALL(dcd_shape_mesh) {
     const uint32_t faces[12] = { 0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3 };
     DcdShapeId id;
-    return dcd_shape_mesh(s->world, CORNERS, 4, faces, 4, &id);
+    return dcd_shape_mesh(s->world, CORNERS, 4, faces, 4, false, &id);
 }
 CALL(dcd_shape_heightfield) { DcdShapeId id; return dcd_shape_heightfield(s->world, CORNERS, 2, 2, ONE, &id); }
 CALL(dcd_shape_half_space) { DcdShapeId id; return dcd_shape_half_space(s->world, ONE, &id); }

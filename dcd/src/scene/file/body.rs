@@ -2,6 +2,7 @@
 
 use rapier3d::prelude::*;
 use serde::Deserialize;
+use toml::Spanned;
 
 use super::collider::ColliderDef;
 use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion, rotation, set, vector};
@@ -46,7 +47,7 @@ pub(super) struct BodyDef {
     extra_pgs_iterations: Option<u16>,
     user_data: Option<u64>,
     #[serde(default)]
-    collider: Vec<ColliderDef>,
+    collider: Vec<Spanned<ColliderDef>>,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]
@@ -79,7 +80,10 @@ fn is_hollow(collider: &ColliderBuilder) -> bool {
 impl BodyDef {
     pub(super) fn build(&self) -> Result<SceneBody, Fault> {
         let turn = rotation(self.rotation, self.euler_deg)?;
-        let colliders = self.collider.iter().map(ColliderDef::build).collect::<Result<Vec<_>, _>>()?;
+        let build =
+            |def: &Spanned<ColliderDef>| def.get_ref().build().map_err(|fault| fault.within(def.span()));
+        let colliders = self.collider.iter().map(build).collect::<Result<Vec<_>, _>>()?;
+        self.refuse_motion_of_what_does_not_move()?;
         let enabled = colliders.iter().filter(|collider| collider.enabled);
         let mass_kg: f32 = enabled.map(|collider| collider.build().mass()).sum();
         // What is heavier than single precision holds has no mass, by Rapier.
@@ -109,6 +113,24 @@ impl BodyDef {
             });
         }
         Ok(SceneBody { pose: world_pose(self.position.0, turn), body: self.builder(), colliders })
+    }
+
+    /// Refuses a velocity that would be ignored.
+    fn refuse_motion_of_what_does_not_move(&self) -> Result<(), Fault> {
+        let kind = match self.kind {
+            Kind::Dynamic | Kind::KinematicVelocity => return Ok(()),
+            Kind::Fixed => "fixed",
+            Kind::KinematicPosition => "kinematic-position",
+        };
+        let given = [("velocity", self.velocity), ("spin", self.spin)];
+        let moves = |(_, value): &&(_, Option<[Finite; 3]>)| value.is_some_and(|v| vector(v) != Vector::ZERO);
+        match given.iter().find(moves) {
+            None => Ok(()),
+            Some((key, _)) => Err(Fault::new(
+                format!("a body of kind `{kind}` has a `{key}`, and would not move by it"),
+                "drop it, or write kind = \"kinematic-velocity\"",
+            )),
+        }
     }
 
     fn builder(&self) -> RigidBodyBuilder {

@@ -18,6 +18,7 @@ pub(super) struct ColliderDef {
     normal: Option<Direction>,
     points: Option<Vec<[Finite; 3]>>,
     triangles: Option<Vec<[u32; 3]>>,
+    one_sided: Option<bool>,
     heights: Option<Vec<Vec<Finite>>>,
     size: Option<[Positive; 3]>,
     position: Option<[Finite; 3]>,
@@ -175,9 +176,13 @@ impl ColliderDef {
                 "count points from 0",
             ));
         }
-        SharedShape::trimesh_with_flags(points, triangles, TriMeshFlags::FIX_INTERNAL_EDGES).map_err(
-            |error| Fault::new(format!("the mesh cannot be built: {error}"), "correct its triangles"),
-        )
+        let flags = match self.one_sided {
+            None | Some(true) => TriMeshFlags::FIX_INTERNAL_EDGES,
+            Some(false) => TriMeshFlags::default(),
+        };
+        SharedShape::trimesh_with_flags(points, triangles, flags).map_err(|error| {
+            Fault::new(format!("the mesh cannot be built: {error}"), "correct its triangles")
+        })
     }
 
     fn heightfield(&self) -> Result<SharedShape, Fault> {
@@ -223,6 +228,7 @@ impl ColliderDef {
             ("normal", self.normal.is_some()),
             ("points", self.points.is_some()),
             ("triangles", self.triangles.is_some()),
+            ("one_sided", self.one_sided.is_some()),
             ("heights", self.heights.is_some()),
             ("size", self.size.is_some()),
         ];
@@ -245,7 +251,7 @@ impl Shape {
             Self::Cylinder | Self::Cone => &["half_height", "radius", "border"],
             Self::Halfspace => &["normal"],
             Self::Hull => &["points"],
-            Self::Mesh => &["points", "triangles"],
+            Self::Mesh => &["points", "triangles", "one_sided"],
             Self::Heightfield => &["heights", "size"],
         }
     }

@@ -330,8 +330,10 @@ fn numbers_that_no_world_can_use_are_refused_at_their_line() {
     for position in ["[0, nan, 0]", "[1.1e9, 0, 0]"] {
         refused(&format!("[[body]]\nposition = {position}\n"), 2, &["not a number of metres within 1e9"]);
     }
-    refused("[world]\ndt = 0\n", 2, &["0 is not a finite number above 0"]);
-    refused("[[body]]\nvelocity = [1e39, 0, 0]\n", 2, &["not a finite number"]);
+    refused("[world]\ndt = 0\n", 2, &["`dt`: 0 is not a finite number above 0"]);
+    refused("[[body]]\nvelocity = [1e39, 0, 0]\n", 2, &["`velocity`: ", "not a finite number"]);
+    refused("[[body]]\nvelocity = [\n1,\n1e39, 0]\n", 2, &["`velocity`: ", "not a finite number"]);
+    refused("[world]\nbounds = { min = [0, 0, 0], max = \"x\" }\n", 2, &["`max`: invalid type"]);
     refused(&format!("{FLOOR}restitution = 50\n"), 6, &["50 is not a number from 0 to 1"]);
     assert!(read(&format!("{FLOOR}restitution = 1\nfriction = 50\n")).is_ok());
     refused("[[body]]\nrotation = [0, 0, 0, 2]\n", 2, &["not a unit quaternion", "euler_deg"]);
@@ -363,14 +365,19 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
     refused("[[body]]\n[[body.collider]]\nshape = \"sphere\"\nradius = 1e30\n", 1, &["beyond", "smaller"]);
     refused(&format!("{cube}half_size = [2, 2, 2]\ndensity = 0\n"), 1, &["no mass"]);
     let box_with_radius = format!("\n{FLOOR}radius = 1\n");
-    refused(&box_with_radius, 2, &["shape `box` has no `radius`", "half_size, border"]);
-    refused("[[body]]\n[[body.collider]]\nshape = \"cone\"\nradius = 1\n", 1, &["lacks `half_height`"]);
-    refused(&format!("{FLOOR}density = 1\nmass = 1\n"), 1, &["both `density` and `mass`"]);
+    refused(&box_with_radius, 4, &["shape `box` has no `radius`", "half_size, border"]);
+    refused("[[body]]\n[[body.collider]]\nshape = \"cone\"\nradius = 1\n", 2, &["lacks `half_height`"]);
+    refused(&format!("{FLOOR}density = 1\nmass = 1\n"), 3, &["both `density` and `mass`"]);
+    for kind in ["fixed", "kinematic-position"] {
+        let moves =
+            format!("{}spin = [0, 1, 0]\nextra_mass = 1\n", format_args!("[[body]]\nkind = \"{kind}\"\n"));
+        refused(&moves, 1, &[kind, "`spin`", "would not move", "kinematic-velocity"]);
+    }
     let hull =
         "[[body]]\n[[body.collider]]\nshape = \"hull\"\npoints = [[0,0,0],[1,1,0],[1,1,1],[0,0,1],[2,2,1]]\n";
-    refused(hull, 1, &["enclose no volume"]);
+    refused(hull, 2, &["enclose no volume"]);
     let mesh = "[[body]]\n[[body.collider]]\nshape = \"mesh\"\npoints = [[0,0,0],[1,0,0],[0,0,1]]\ntriangles = [[0,1,3]]\n";
-    refused(mesh, 1, &["names point 3, but there are 3"]);
+    refused(mesh, 2, &["names point 3, but there are 3"]);
     let two = format!("{FLOOR}[[body]]\nname = \"x\"\nextra_mass = 1\n");
     refused(
         &format!("{two}[[joint]]\nkind = \"fixed\"\na = \"y\"\nb = 0\n"),

@@ -1142,10 +1142,10 @@ static size_t level_cuts(uint32_t regions, uint32_t axes, float down_x)
     return level;
 }
 
-/* The two triangles of a level terrain have an edge in common, over which a wheel rolls as over a box. */
-/* What a wheel rolls over, 30 by 30 m and flat, of two triangles. */
+/* What a wheel rolls over: 30 by 30 m, flat, and of two triangles, which have an edge in common. */
 enum plain { TERRAIN, ONE_SIDED, TWO_SIDED };
 
+/* A wheel rolls over the edge as over a box, but for that of a mesh that bears both sides. */
 static void wheels_roll_over_edges(enum plain plain)
 {
     const float heights[4] = { 0 };

@@ -321,6 +321,8 @@ static void shapes(void)
     parts[1] = shape;
     FAILS(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT, "parts[1]"); /* terrain is no part either */
     EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, false, &shape), DCD_OK); /* the valid triangle alone */
+    EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, true, &shape), DCD_OK);
+    FAILS(dcd_shape_mesh(world, solid, 4, line, 1, true, &shape), DCD_ERR_ARGUMENT, "mesh is flat");
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, false, &shape), DCD_OK);
     parts[0] = make_box(world);
     parts[1] = shape;

@@ -369,8 +369,7 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
     refused("[[body]]\n[[body.collider]]\nshape = \"cone\"\nradius = 1\n", 2, &["lacks `half_height`"]);
     refused(&format!("{FLOOR}density = 1\nmass = 1\n"), 3, &["both `density` and `mass`"]);
     for kind in ["fixed", "kinematic-position"] {
-        let moves =
-            format!("{}spin = [0, 1, 0]\nextra_mass = 1\n", format_args!("[[body]]\nkind = \"{kind}\"\n"));
+        let moves = format!("[[body]]\nkind = \"{kind}\"\nspin = [0, 1, 0]\n");
         refused(&moves, 1, &[kind, "`spin`", "would not move", "kinematic-velocity"]);
     }
     let hull =
@@ -393,6 +392,17 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
         &["by a string or by its index"],
     );
     refused(&format!("{two}[[body]]\nname = \"x\"\nextra_mass = 1\n"), 9, &["two bodies are named `x`"]);
+}
+
+#[test]
+fn a_mesh_bears_one_side_or_both_as_the_file_says() {
+    let mesh = "[[body]]\nkind = \"fixed\"\n[[body.collider]]\nshape = \"mesh\"\npoints = [[0,0,0],[1,0,0],[0,0,1]]\ntriangles = [[0,2,1]]\n";
+    for (line, is_one_sided) in [("", true), ("one_sided = true\n", true), ("one_sided = false\n", false)] {
+        let scene = read(&format!("{mesh}{line}")).unwrap();
+        let flags = scene.bodies[0].colliders[0].shape.as_trimesh().unwrap().flags();
+        assert_eq!(flags.contains(TriMeshFlags::FIX_INTERNAL_EDGES), is_one_sided, "{line}");
+    }
+    refused(&format!("{FLOOR}one_sided = true\n"), 3, &["shape `box` has no `one_sided`"]);
 }
 
 #[test]

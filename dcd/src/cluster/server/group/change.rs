@@ -471,7 +471,7 @@ impl Group {
             return;
         };
         self.notes = Notes::default();
-        orphans.bring_back(&mut self.record, self.tick, f64::from(common.config.world.step.dt_s));
+        orphans.bring_back(&mut self.record, self.tick, &common.config.world.step);
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();

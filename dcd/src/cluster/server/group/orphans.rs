@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::cluster::Record;
-use crate::protocol::{BodyKind, BodyState, JointRecord, Velocity};
+use crate::protocol::{BodyKind, BodyState, JointRecord, StepRecord, Velocity};
 use crate::space::{BodyId, Tick};
 
 /// The most steps from joint to joint in one view change.
@@ -61,8 +61,10 @@ impl Orphans {
     }
 
     /// Sets the states of orphans of which no survivor had a copy at tick `now`. An orphan between several bodies that went
-    /// on is where these have it at the mean, the nearer counting more.
-    pub(super) fn bring_back(&self, record: &mut Record, now: Tick, dt_s: f64) {
+    /// on is where these have it at the mean, the nearer counting more. It is no faster than it was when last heard of and
+    /// falling since has made it: how the links of a chain turn sums up along it, and would throw what hangs at its end.
+    pub(super) fn bring_back(&self, record: &mut Record, now: Tick, step: &StepRecord) {
+        let dt_s = f64::from(step.dt_s);
         let lost = |id: &BodyId| self.orphans.contains(id) && record.told_at(*id) < Some(now);
         let lost: BTreeSet<_> = self.orphans.iter().copied().filter(lost).collect();
         let is_guide = |id: &BodyId| {
@@ -89,7 +91,9 @@ impl Orphans {
         }
         for (id, states) in found {
             if let Some(body) = record.body_mut(id) {
-                body.set_state(mean(body.state, &states));
+                let mut state = mean(body.state, &states);
+                slow(&mut state, &self.known[&id].1, vector(step.gravity));
+                body.set_state(state);
             }
         }
     }
@@ -215,6 +219,17 @@ fn mean(present: BodyState, states: &[(f64, BodyState)]) -> BodyState {
     }
 }
 
+/// Slows a body down to the speed that it had, and what it has gained by falling since.
+fn slow(state: &mut BodyState, known: &BodyState, gravity_m_s2: Vector3<f64>) {
+    let place = |state: &BodyState| Vector3::from(state.pose.translation);
+    let fallen_m2_s2 = gravity_m_s2.dot(&(place(state) - place(known))).max(0.0);
+    let most_m_s = (vector(known.velocity.linear).norm_squared() + 2.0 * fallen_m2_s2).sqrt();
+    let linear = vector(state.velocity.linear);
+    if linear.norm() > most_m_s {
+        state.velocity.linear = (linear * (most_m_s / linear.norm())).map(|v| v as f32).into();
+    }
+}
+
 fn vector(of: [f32; 3]) -> Vector3<f64> {
     Vector3::from(of.map(f64::from))
 }
@@ -224,7 +239,7 @@ mod tests {
     use rapier3d::prelude::{GenericJoint, JointAxesMask, Vector};
 
     use super::*;
-    use crate::physics::joint_record;
+    use crate::physics::{StepSettings, joint_record};
     use crate::protocol::{BodyRecord, WorldPose};
     use crate::sim::sim_body;
     use crate::space::JointId;
@@ -254,6 +269,11 @@ mod tests {
         body
     }
 
+    fn step() -> StepRecord {
+        let gravity = [0.0, -9.81, 0.0];
+        StepSettings { dt_s: DT_S as f32, gravity, ..StepSettings::default() }.record()
+    }
+
     /// Returns the states after survivors have told of all balls but the lost ones, as of tick 64.
     fn brought_back(record: &mut Record, lost: &[u32], told: impl Fn(u32) -> BodyRecord) -> Vec<BodyState> {
         let mut notes = Notes::default();
@@ -262,7 +282,7 @@ mod tests {
             record.reclaim(Tick(64), told(index));
         }
         let orphans = Orphans::new(record, &notes, lost.iter().map(|&index| id(index)));
-        orphans.bring_back(record, Tick(64), DT_S);
+        orphans.bring_back(record, Tick(64), &step());
         (0..record.len() as u32).map(|index| record.body(id(index)).unwrap().state).collect()
     }
 
@@ -304,6 +324,32 @@ mod tests {
             // It turns as it did about the end of the guide.
             expected.velocity.linear = [-0.5 * sin, 0.5, -0.5 * cos - along].map(|v| v as f32);
             assert_near(state, &expected, 1e-5);
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_chain_is_thrown_no_faster_than_it_was_and_has_fallen() {
+        for fallen_m in [0.0, 0.8] {
+            let mut record = row(6, JointAxesMask::LOCKED_SPHERICAL_AXES);
+            for index in 0..6 {
+                let mut body = turned(index, 0.0);
+                // The links sway as the joints let them: added up along the chain that would be 20 m/s at its end.
+                body.state.velocity.angular = [0.0, 0.0, 4.0];
+                record.freshen(Tick(60), body);
+            }
+            let mut guide = turned(0, 0.0);
+            guide.state.pose.translation[1] -= fallen_m;
+            let states = brought_back(&mut record, &[1, 2, 3, 4, 5], |_| guide.clone());
+            let most = |index: i32| (f64::from(index).powi(2) + 2.0 * 9.81 * fallen_m).sqrt();
+            let speeds: Vec<_> = states.iter().map(|state| vector(state.velocity.linear).norm()).collect();
+            for (index, speed) in (0..).zip(&speeds).skip(1) {
+                assert!(
+                    *speed < 1.001 * most(index),
+                    "{index}: {speed} m/s, where {} is the most",
+                    most(index)
+                );
+            }
+            assert!(speeds[5] > 0.999 * most(5), "{} m/s, not {}", speeds[5], most(5));
         }
     }
 

@@ -19,6 +19,9 @@ use crate::space::{
 
 /// The width of the halo: how far beyond its cell a region holds ghosts, metres.
 const HALO_M: f64 = 1.0;
+/// The time that a body or contact takes per tick, microseconds: so much that a few of them tell how fast a
+/// node is.
+pub(super) const WORK_US: f64 = 250.0;
 /// The number of ticks between two in which each region exchanges messages with all.
 const MEET_EVERY: u64 = 8;
 /// The distance at which a body and an avatar touch, metres.
@@ -499,7 +502,7 @@ impl StandIn {
     fn load_report(&self) -> LoadReport {
         let regions = self.regions.iter().map(|(&region, content)| {
             let count = content.owned.len() as f64;
-            RegionLoad { region, activity: count, step_us: count, vacant: content.is_vacant() }
+            RegionLoad { region, activity: count, step_us: count * WORK_US, vacant: content.is_vacant() }
         });
         let owned = self.regions.values().flat_map(|region| region.owned.values());
         let burden =

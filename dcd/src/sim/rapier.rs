@@ -4,6 +4,7 @@ use std::fmt;
 
 use rapier3d::prelude::RigidBodyHandle;
 
+use super::physics::WORK_US;
 use super::{Engine, Mechanics};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
 use crate::physics::{Measured, Ownership, Region, RegionHost};
@@ -54,7 +55,7 @@ impl Physics for RapierEngine {
             stats.compute_us = 0;
             regions.iter_mut().for_each(|state| state.set_times_ms([state.awake as f32 * 1e-3; 3]));
             let regions = load.iter_mut().flat_map(|load| &mut load.regions);
-            regions.for_each(|region| region.step_us = region.activity);
+            regions.for_each(|region| region.step_us = region.activity * WORK_US);
         }
         Ok(event)
     }

@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 mod backed_up;
+mod balanced;
 mod board;
 mod configured;
 mod demo;

@@ -118,8 +118,7 @@ impl Process {
 
     /// Sends a signal, by its name for `kill`.
     pub(crate) fn signal(&self, name: &str) {
-        let sent = Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap();
-        assert!(sent.success());
+        signal(self.id(), name);
     }
 
     pub(crate) fn is_running(&mut self) -> bool {
@@ -150,6 +149,12 @@ impl Process {
         let errors = self.errors.take().map(|errors| errors.join().unwrap()).unwrap_or_default();
         Ended { status, lines: self.lines.try_iter().collect(), errors }
     }
+}
+
+/// Sends a signal to the process with this id, by the signal's name for `kill`.
+pub(crate) fn signal(id: u32, name: &str) {
+    let sent = Command::new("kill").args([name, &id.to_string()]).status().unwrap();
+    assert!(sent.success());
 }
 
 impl Drop for Process {

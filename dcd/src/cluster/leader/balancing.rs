@@ -12,6 +12,10 @@ use crate::space::{
 
 /// The part of a node's price that a new measurement replaces.
 const NEWS: f64 = 0.5;
+/// The most time per tick that a node's steps may take whatever they compute, microseconds: to wake threads,
+/// and for what else the machine does. If it were counted as work, a node with little to do would seem slow,
+/// get less, and seem slower.
+const OVERHEAD_US: f64 = 500.0;
 /// The largest ratio between the speed of a node and the mean speed that counts.
 const LARGEST_RATIO: f64 = 100.0;
 
@@ -89,14 +93,21 @@ impl Balancing {
         })
     }
 
+    /// Learns what a unit of work costs each node. As far as a node's time may be overhead, its price is not
+    /// known, and is taken to be as near to the least of all as it can be.
     fn learn_prices(&mut self, reports: &BTreeMap<NodeId, LoadReport>) {
-        for (&node, report) in reports {
-            let activity: f64 = report.regions.iter().map(|region| region.activity).sum();
+        let told = reports.iter().filter_map(|(&node, report)| {
+            let work: f64 = report.regions.iter().map(|region| region.activity).sum();
             let took_us: f64 = report.regions.iter().map(|region| region.step_us).sum();
-            if activity > 0.0 && took_us > 0.0 {
-                let price = took_us / activity;
-                self.prices.entry(node).and_modify(|old| *old += NEWS * (price - *old)).or_insert(price);
-            }
+            (work > 0.0 && took_us > 0.0)
+                .then(|| (node, (took_us - OVERHEAD_US).max(0.0) / work, took_us / work))
+        });
+        let told: Vec<_> = told.collect();
+        let known = self.prices.values().copied();
+        let least = known.chain(told.iter().map(|(.., most)| *most)).fold(f64::INFINITY, f64::min);
+        for (node, at_least, at_most) in told {
+            let price = least.clamp(at_least, at_most);
+            self.prices.entry(node).and_modify(|old| *old += NEWS * (price - *old)).or_insert(price);
         }
     }
 
@@ -245,13 +256,14 @@ mod tests {
         }
     }
 
-    /// Lets bodies change region at once, and members report, until nothing changes. Returns how often it
-    /// changed, and each member's share.
+    /// Lets bodies change region at once, and members report the time that their work takes, until nothing
+    /// changes for a while. Returns each member's share.
     fn settle(
         balancing: &mut Balancing,
         crowd: &[f64],
-        cost_us: impl Fn(NodeId) -> f64,
-    ) -> (usize, BTreeMap<NodeId, usize>) {
+        cost_us: impl Fn(NodeId, f64) -> f64,
+    ) -> BTreeMap<NodeId, usize> {
+        let mut quiet = 0;
         for round in 0..100 {
             let view = balancing.view.clone();
             let mut shares = BTreeMap::new();
@@ -265,7 +277,7 @@ mod tests {
                     let there: Vec<_> = there.collect();
                     let activity = there.len() as f64;
                     *shares.entry(node).or_default() += there.len();
-                    let (step_us, vacant) = (activity * cost_us(node), there.is_empty());
+                    let (step_us, vacant) = (cost_us(node, activity), there.is_empty());
                     report.regions.push(RegionLoad { region, activity, step_us, vacant });
                     report.burdens.extend(there.into_iter().map(|place| Burden {
                         place,
@@ -275,8 +287,9 @@ mod tests {
                 }
                 balancing.hear(node, Tick(round), report);
             }
-            if balancing.plan().is_none() {
-                return (round as usize, shares);
+            quiet = if balancing.plan().is_none() { quiet + 1 } else { 0 };
+            if quiet == 10 {
+                return shares;
             }
             assert!(balancing.view.tree.is_sound());
             assert!(balancing.view.allocation.keys().copied().eq(balancing.view.tree.leaves()));
@@ -294,7 +307,7 @@ mod tests {
             [(1, vec![1], 8), (3, vec![1, 2], 5), (8, vec![1], 8), (8, vec![2], 3)]
         {
             let mut balancing = Balancing::new(Balance::by_nodes(), road(regions, &nodes, members), false);
-            let (_, shares) = settle(&mut balancing, &crowd(300.0, 700.0, 960), |_| 5.0);
+            let shares = settle(&mut balancing, &crowd(300.0, 700.0, 960), |_, work| 5.0 * work);
             assert_eq!(shares.len(), members as usize, "{regions} regions: {shares:?}");
             assert_eq!(balancing.view.tree.leaf_count(), members as usize);
             let (least, most) = (shares.values().min().unwrap(), shares.values().max().unwrap());
@@ -305,21 +318,40 @@ mod tests {
     #[test]
     fn a_node_that_is_ten_times_slower_gets_a_tenth() {
         let mut balancing = Balancing::new(Balance::by_nodes(), road(4, &[1, 2, 3, 4], 4), false);
-        let cost = |node| if node == NodeId(3) { 50.0 } else { 5.0 };
-        let (_, shares) = settle(&mut balancing, &crowd(0.0, 1000.0, 3100), cost);
+        let cost = |node, work| if node == NodeId(3) { 50.0 * work } else { 5.0 * work };
+        let shares = settle(&mut balancing, &crowd(0.0, 1000.0, 3100), cost);
         assert!((85..=120).contains(&shares[&NodeId(3)]), "{shares:?}");
         assert!([1, 2, 4].iter().all(|&node| shares[&NodeId(node)] < 1200), "{shares:?}");
         // By counts all nodes are alike.
         let counts = Balance { load: Load::Counts, ..Balance::by_nodes() };
         let mut balancing = Balancing::new(counts, road(4, &[1, 2, 3, 4], 4), false);
-        let (_, shares) = settle(&mut balancing, &crowd(0.0, 500.0, 3100), cost);
+        let shares = settle(&mut balancing, &crowd(0.0, 500.0, 3100), cost);
         assert!(shares.values().all(|share| (700..=930).contains(share)), "{shares:?}");
+    }
+
+    #[test]
+    fn what_a_step_costs_whatever_it_computes_takes_no_load_from_a_node() {
+        // The first node serves clients besides, and is slower by the same time whatever it computes.
+        let cost = |node, work| if node == NodeId(1) { 250.0 + work } else { 50.0 + work };
+        let mut balancing = Balancing::new(Balance::by_nodes(), road(3, &[1, 2, 3], 3), false);
+        let shares = settle(&mut balancing, &crowd(0.0, 1000.0, 600), cost);
+        assert!(shares.values().all(|share| *share <= 240), "{shares:?}");
+    }
+
+    #[test]
+    fn a_node_that_was_slow_gets_its_share_of_a_light_load_again() {
+        let mut balancing = Balancing::new(Balance::by_nodes(), road(3, &[1, 2, 3], 3), false);
+        let slow = |node, work| if node == NodeId(3) { 50.0 * work } else { 200.0 + work };
+        let shares = settle(&mut balancing, &crowd(0.0, 1000.0, 600), slow);
+        assert!(shares[&NodeId(3)] < 50, "{shares:?}");
+        let shares = settle(&mut balancing, &crowd(0.0, 1000.0, 600), |_, work| 200.0 + work);
+        assert!(shares.values().all(|share| *share <= 240), "{shares:?}");
     }
 
     #[test]
     fn regions_that_nobody_needs_are_merged_once_they_are_empty() {
         let mut balancing = Balancing::new(Balance::by_nodes(), road(8, &[1, 1, 1, 1, 1, 1, 1, 1], 1), true);
-        let (_, shares) = settle(&mut balancing, &crowd(0.0, 1000.0, 100), |_| 5.0);
+        let shares = settle(&mut balancing, &crowd(0.0, 1000.0, 100), |_, work| 5.0 * work);
         assert_eq!((balancing.view.tree.leaf_count(), shares[&NodeId(1)]), (1, 100));
     }
 

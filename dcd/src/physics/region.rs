@@ -25,6 +25,7 @@ mod sleepers;
 mod slot;
 mod step;
 mod step_time;
+mod struck;
 mod ties;
 mod urgency;
 mod vehicles;
@@ -109,6 +110,9 @@ pub struct Region {
     spins: BTreeMap<BodyId, Vec<Option<f32>>>,
     /// The number of bodies held here that are met more finely than others, by [`urgency::is_delicate`].
     delicate: usize,
+    /// The number of bodies held here that nothing can move; `None` until it is asked for.
+    #[serde(skip)]
+    immovable: Option<usize>,
     /// The dynamic bodies that characters held here stood on in their last walk, in order of Rapier's handles.
     #[serde(skip)]
     walked_on: Vec<RigidBodyHandle>,
@@ -199,6 +203,7 @@ impl Region {
             vehicles: BTreeMap::new(),
             spins: BTreeMap::new(),
             delicate: 0,
+            immovable: None,
             walked_on: Vec::new(),
             quarantined: Vec::new(),
             quarantined_before: false,

@@ -59,6 +59,9 @@ impl Region {
             self.characters.insert(body.id, Walking::new(body.state.gait.unwrap_or_default()));
         }
         self.delicate += usize::from(is_delicate(&body.traits));
+        if role == Ownership::Immovable {
+            self.immovable = None;
+        }
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
@@ -143,6 +146,9 @@ impl Region {
         self.forget_retied(id);
         self.listener.forget(id);
         self.delicate -= usize::from(is_delicate(&self.slot(handle).traits));
+        if self.slot(handle).role == Ownership::Immovable {
+            self.immovable = None;
+        }
         self.targets.forget(handle);
         self.characters.remove(&id);
         self.vehicles.remove(&id);

@@ -29,6 +29,7 @@ impl Region {
         kinematic_targets::approach(self, steps);
         self.tell_joints();
         self.stirred = false;
+        self.wake_what_is_about_to_be_struck(parameters.dt);
         self.hand_awake_over();
         self.choose_joints();
         let woken = self.wake_newcomers(parameters.dt);

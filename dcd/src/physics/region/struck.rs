@@ -1,0 +1,110 @@
+//! Wakes sleepers in the tick in which something is about to strike them.
+
+use parry3d::query::ShapeCastOptions;
+use rapier3d::prelude::*;
+
+use super::{Ownership, Region, Slot};
+
+/// The way in a step, metres, from which on what moves may push sleepers into one another.
+const WAY_M: f32 = 0.005;
+
+impl Region {
+    /// Wakes what sleeps in the way that something goes in a step of `dt_s` seconds, before contacts are found. Seen with
+    /// Rapier 0.36.1: a sleeper that is woken by a contact has no other contacts in that step. A stack that is struck
+    /// by a box at 13 m/s overlaps by 7 cm then, and awake by 4 mm.
+    ///
+    /// Turning is not taken into account, nor what the step itself does to velocities but for gravity.
+    pub(super) fn wake_what_is_about_to_be_struck(&mut self, dt_s: f32) {
+        let is_immovable = |slot: &&Slot| slot.role == Ownership::Immovable;
+        let count = || self.slots.iter().flatten().filter(is_immovable).count();
+        let immovable = *self.immovable.get_or_insert_with(count);
+        if self.world.islands.num_active_bodies() >= self.by_id.len() - immovable {
+            return;
+        }
+        let mut struck = Vec::new();
+        for handle in self.awake() {
+            let body = &self.world.bodies[handle];
+            let falls = if body.is_dynamic() { body.gravity_scale() * dt_s } else { 0.0 };
+            let velocity = body.linvel() + self.world.gravity * falls;
+            if body.is_enabled() && velocity.length() * dt_s > WAY_M {
+                self.find_struck(body, velocity, dt_s, &mut struck);
+            }
+        }
+        struck.into_iter().for_each(|handle| self.wake(handle));
+    }
+
+    /// Adds the sleepers that a body touches on its way.
+    fn find_struck(&self, body: &RigidBody, velocity: Vector, dt_s: f32, struck: &mut Vec<RigidBodyHandle>) {
+        let margin = self.world.integration_parameters.prediction_distance();
+        let solid = body.colliders().iter().map(|&own| &self.world.colliders[own]);
+        for collider in solid.filter(|own| !own.is_sensor() && own.is_enabled()) {
+            let place = super::moved::place(body, collider);
+            let end = Pose::from_translation(velocity * dt_s) * place;
+            let way = collider.shape().compute_swept_aabb(&place, &end).loosened(margin);
+            let meets = |other: &Collider| {
+                !other.is_sensor()
+                    && other.is_enabled()
+                    && collider.collision_groups().test(other.collision_groups())
+            };
+            let near = self.world.intersect_aabb_conservative(way, QueryFilter::only_dynamic());
+            for (_, other) in near.filter(|(_, other)| meets(other)) {
+                let sleeper = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
+                let is_struck = || {
+                    let (onto, along) =
+                        (other.position().inv_mul(&place), other.rotation().inverse() * velocity);
+                    let options = ShapeCastOptions {
+                        max_time_of_impact: dt_s,
+                        target_distance: margin,
+                        ..ShapeCastOptions::default()
+                    };
+                    let dispatcher = self.world.narrow_phase.query_dispatcher();
+                    let cast = dispatcher.cast_shapes(&onto, along, other.shape(), collider.shape(), options);
+                    cast.is_ok_and(|hit| hit.is_some())
+                };
+                struck.extend(sleeper.filter(|_| is_struck()));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+    use crate::space::Axis;
+
+    /// Returns how deep the upper two boxes of a stack overlap after a box has struck it at 13 m/s, metres.
+    fn overlap(sleeps: bool, cuts: Vec<(Axis, f64)>) -> f64 {
+        let partitioning = Partitioning::Cuts(cuts);
+        let mut world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+        let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+        world.insert(ground, ColliderBuilder::cuboid(9.0, 0.5, 9.0)).unwrap();
+        let stack = [0.5, 1.5, 2.5].map(|y| {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::Y * y).can_sleep(sleeps);
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(500.0)).unwrap()
+        });
+        for _ in 0..200 {
+            world.step().unwrap();
+        }
+        let above = Vector::new(0.1, 4.3, 0.05);
+        let falls = RigidBodyBuilder::dynamic().translation(above).linvel(Vector::Y * -13.0);
+        world.insert(falls, ColliderBuilder::cuboid(0.25, 0.25, 0.25).density(2000.0)).unwrap();
+        let mut deepest = 0.0_f64;
+        for _ in 0..10 {
+            world.step().unwrap();
+            let [_, middle, top] = stack.map(|id| world.pose(id).unwrap().translation[1]);
+            deepest = deepest.max(1.0 - (top - middle));
+        }
+        deepest
+    }
+
+    #[test]
+    fn sleepers_that_are_struck_hold_one_another_as_they_would_awake() {
+        let awake = overlap(false, Vec::new());
+        assert!((0.002..0.01).contains(&awake), "it strikes: {awake} m");
+        for cuts in [vec![], vec![(Axis::Y, 3.3)], vec![(Axis::X, 0.0)]] {
+            let asleep = overlap(true, cuts.clone());
+            assert!(asleep < 1.2 * awake, "{asleep} m, awake {awake} m; {cuts:?}");
+        }
+    }
+}

@@ -171,11 +171,20 @@ mod tests {
 
     #[test]
     fn one_region_reads_what_one_world_reads_and_one_world_passes() {
-        let case = Case::named("domino_ring").unwrap();
+        let case = Case::named("rubble").unwrap();
         let scene = case.scene(true).unwrap();
         let reference = Reference::of(case, &scene, true, 2).unwrap();
         let bare = reference.read(Setting::Bare, 1).unwrap();
         assert!(bare.of_gate() <= 1.0, "{bare:?}");
         assert_eq!(reference.read(Setting::Auto(1), 1).unwrap(), bare);
+    }
+
+    #[test]
+    fn one_region_passes_where_it_wakes_sleepers_before_one_world_does() {
+        let case = Case::named("domino_ring").unwrap();
+        let scene = case.scene(true).unwrap();
+        let reference = Reference::of(case, &scene, true, 2).unwrap();
+        let one = reference.read(Setting::Auto(1), 1).unwrap();
+        assert!(one.of_gate() <= 0.1, "{one:?}");
     }
 }

@@ -478,6 +478,8 @@ fn help_teaches_and_goes_to_standard_output() {
         ),
         (&["scenes"], &["pyramid: ", "base=20 (a whole number from 1 to 1000)"]),
         (&["scenes", "pile"], &["sleep=0"]),
+        (&["scenes", "--format"], &["# Scene files", "[[body.collider]]"]),
+        (&["scenes", "--format", "models"], &["MJCF", "URDF"]),
     ] {
         let output = dcd(args);
         assert_eq!(output.status.code(), Some(0));

@@ -13,12 +13,32 @@ use crate::scene::{MODEL_PARAMS, Params, Scene, SceneError, SceneInfo, library};
 pub(super) struct Scenes {
     /// Only this scene
     scene: Option<String>,
+    /// Print what files of scenes may say, in Markdown: TOML, or MJCF and URDF (models)
+    #[arg(long, value_name = "OF", num_args = 0..=1, default_missing_value = "toml", conflicts_with = "scene")]
+    format: Option<Format>,
+}
+
+/// The formats of scene files.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    Toml,
+    Models,
+}
+
+impl Format {
+    /// Returns its page.
+    fn page(self) -> &'static str {
+        match self {
+            Self::Toml => include_str!("../../scenes/README.md"),
+            Self::Models => include_str!("../../scenes/models/README.md"),
+        }
+    }
 }
 
 impl Scenes {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         let Some(name) = self.scene else {
-            print(&overview())?;
+            print(&self.format.map_or_else(overview, |format| format.page().trim_end().to_owned()))?;
             return Ok(ExitCode::SUCCESS);
         };
         match (library().iter().find(|info| info.name == name), shipped(&name)) {
@@ -55,9 +75,9 @@ pub(super) fn overview() -> String {
     let scenes: Vec<_> = library().iter().map(describe).collect();
     format!(
         "Scenes of the library, with their parameters and defaults (--set name=value):\n\n{}\n\n\
-         A scene may also be a TOML file: the sources ship some in dcd/scenes/, whose README.md has the format; these go by\n\
-         their bare names too, as playground.\n\n\
-         Or an MJCF or URDF file (dcd/scenes/models/README.md says what of these is read):\n{}",
+         A scene may also be a TOML file (`dcd scenes --format` prints what it may say): the sources ship some in dcd/scenes/;\n\
+         these go by their bare names too, as playground.\n\n\
+         Or an MJCF or URDF file (`dcd scenes --format models` prints what of these is read):\n{}",
         scenes.join("\n\n"),
         MODEL_PARAMS.map(|param| format!("    {param}")).join("\n")
     )

@@ -76,9 +76,9 @@ impl Source<'_> {
             cause = format!("`{key}`: {cause}");
         }
         let remedy = if cause.starts_with("unknown field") {
-            "correct the key (all keys stand in dcd/scenes/README.md)"
+            "correct the key (all keys stand in dcd/scenes/README.md, which `dcd scenes --format` prints)"
         } else {
-            "correct this line (the format stands in dcd/scenes/README.md)"
+            "correct this line (the format stands in dcd/scenes/README.md, which `dcd scenes --format` prints)"
         };
         self.error(error.span(), Fault::new(cause, remedy))
     }

@@ -29,7 +29,7 @@ impl Region {
             let falls = if body.is_dynamic() { body.gravity_scale() * dt_s } else { 0.0 };
             let velocity = body.linvel() + self.world.gravity * falls;
             let way_m = (velocity.length() + body.angvel().length() * slot.reach_m) * dt_s;
-            if body.is_enabled() && way_m > WAY_M {
+            if body.is_enabled() && way_m > WAY_M && way_m.is_finite() {
                 self.find_struck(body, velocity, dt_s, &mut struck);
             }
         }

@@ -140,7 +140,7 @@ pub(super) const CASES: &[Case] = &[
         name: "domino_ring",
         library: "domino_ring",
         full: Size { params: &["n=4000", "starts=40"], seconds: 20.0, timed: 0.0..20.0 },
-        small: Size { params: &["n=80", "starts=4"], seconds: 6.0, timed: 0.0..6.0 },
+        small: Size { params: &["n=80", "starts=4"], seconds: 10.0, timed: 0.0..10.0 },
         statistics: &[Fallen, MeanHeight, Asleep],
     },
 ];

@@ -19,7 +19,11 @@ impl Region {
         let is_immovable = |slot: &&Slot| slot.role == Ownership::Immovable;
         let count = || self.slots.iter().flatten().filter(is_immovable).count();
         let immovable = *self.immovable.get_or_insert_with(count);
-        if self.world.islands.num_active_bodies() >= self.by_id.len() - immovable {
+        // Rapier's list lacks what came since its last step, and what it does not step.
+        let is_here = |handle: &&RigidBodyHandle| self.world.bodies.contains(**handle);
+        let came = self.turnover.born_awake.iter().filter(is_here).count();
+        let awake = self.world.islands.num_active_bodies() + came + self.unstepped.len();
+        if awake >= self.by_id.len() - immovable {
             return;
         }
         let mut struck = Vec::new();

@@ -1,7 +1,7 @@
 //! Tests that real nodes share a world out anew: where its load gathers in a corner, where a node is slow, and as
 //! one node becomes eight and eight become one.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -12,7 +12,7 @@ use crate::process::{Process, Server, alone, dcd, signal};
 const LONG: Duration = Duration::from_secs(90);
 /// The number of balls of the crowd.
 const BALLS: u64 = 576;
-/// How long a slow node is stopped at a time, and runs between two stops: a sixteenth of the time.
+/// The times for which a slow node is stopped, and then runs: a sixteenth of all.
 const STOPPED: Duration = Duration::from_millis(30);
 const RUNS: Duration = Duration::from_millis(2);
 
@@ -81,20 +81,23 @@ fn a_node_that_is_slow_for_a_while_gets_less_to_do_meanwhile() {
     let nodes = [(); 3].map(|()| server.node());
     wait(&server, 60, 3, is_even);
     let (slow, id) = (&nodes[1].0, nodes[1].1.id());
-    let is_over = AtomicBool::new(false);
+    let (over, is_over) = mpsc::channel::<()>();
     std::thread::scope(|threads| {
-        threads.spawn(|| {
-            while !is_over.load(Ordering::Relaxed) {
+        // Dropped here whatever happens, so that the node is stopped no more.
+        let _over = over;
+        threads.spawn(move || {
+            loop {
                 signal(id, "-STOP");
                 std::thread::sleep(STOPPED);
                 signal(id, "-CONT");
-                std::thread::sleep(RUNS);
+                if is_over.recv_timeout(RUNS) != Err(RecvTimeoutError::Timeout) {
+                    break;
+                }
             }
         });
         wait(&server, 0, 3, |bodies| {
             bodies.iter().any(|(node, bodies)| node == slow && *bodies < BALLS as f64 / 3.0 / 4.0)
         });
-        is_over.store(true, Ordering::Relaxed);
     });
     wait(&server, 0, 3, is_even);
     assert_eq!(server.stop()["bodies"], BALLS);

@@ -13,15 +13,16 @@ impl Region {
     /// Rapier 0.36.1: a sleeper that is woken by a contact has no other contacts in that step. A stack that is struck
     /// by a box at 13 m/s overlaps by 7 cm then, and awake by 4 mm.
     ///
-    /// What the step itself does to velocities, but for gravity, is not taken into account, nor what a turning body
+    /// Takes no account of what the step itself does to velocities but for gravity, nor of what a turning body
     /// passes through within the step.
     pub(super) fn wake_what_is_about_to_be_struck(&mut self, dt_s: f32) {
         let is_immovable = |slot: &&Slot| slot.role == Ownership::Immovable;
         let count = || self.slots.iter().flatten().filter(is_immovable).count();
         let immovable = *self.immovable.get_or_insert_with(count);
         // Rapier's list lacks what came since its last step, and what it does not step.
-        let is_here = |handle: &&RigidBodyHandle| self.world.bodies.contains(**handle);
-        let came = self.turnover.born_awake.iter().filter(is_here).count();
+        let is_awake = |body: &RigidBody| body.is_enabled() && !body.is_sleeping();
+        let came = self.turnover.born_awake.iter().filter_map(|handle| self.world.bodies.get(*handle));
+        let came = came.filter(|body| is_awake(body)).count();
         let awake = self.world.islands.num_active_bodies() + came + self.unstepped.len();
         if awake >= self.by_id.len() - immovable {
             return;

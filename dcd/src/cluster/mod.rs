@@ -59,7 +59,7 @@ pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{
-    CanBuild, DrainError, Grouping, MAX_AVATARS, MAX_BUILT, MAX_BUILT_SHAPE_BYTES, MAX_SHAPE_BYTES,
+    Audit, CanBuild, DrainError, Grouping, MAX_AVATARS, MAX_BUILT, MAX_BUILT_SHAPE_BYTES, MAX_SHAPE_BYTES,
     RestoreError, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, Verification,
     WORLD_ENDED,
 };

@@ -46,6 +46,7 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick, Viewpoint};
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::builders::{MAX_BUILT, MAX_BUILT_SHAPE_BYTES};
 pub use self::drain::DrainError;
+pub use self::group::Audit;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
 #[cfg(all(feature = "net", feature = "physics"))]
@@ -194,12 +195,7 @@ pub enum ServerOutput {
         finding: Finding,
     },
     /// An audit of what all members of all groups own, made when the world is to end.
-    Audited {
-        /// Bodies of the world that no node owns.
-        lost: Vec<BodyId>,
-        /// Bodies that more than one node owns.
-        doubled: Vec<BodyId>,
-    },
+    Audited(Audit),
     /// The answer to [`ServerEvent::Ask`].
     Answered {
         /// The number of the question.
@@ -655,12 +651,13 @@ impl Server {
 
     /// Tells everybody that the world is over.
     fn end(&mut self) {
-        let audits = self.groups.values_mut().filter_map(|group| group.audit.take());
-        let (lost, doubled): (Vec<_>, Vec<_>) = audits.unzip();
-        let (lost, doubled) = (lost.concat(), doubled.concat());
-        if self.groups.values().any(|group| group.view.is_some()) {
-            self.common.outputs.push_back(ServerOutput::Audited { lost, doubled });
+        let mut found = Audit::default();
+        for audit in self.groups.values_mut().filter_map(|group| group.audit.take()) {
+            found.lost.extend(audit.lost);
+            found.doubled.extend(audit.doubled);
+            found.unanswered |= audit.unanswered;
         }
+        self.common.outputs.push_back(ServerOutput::Audited(found));
         for node in self.common.nodes.keys().copied().collect::<Vec<_>>() {
             self.common.dismiss(node, Farewell::Ended, WORLD_ENDED.into());
         }

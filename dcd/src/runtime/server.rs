@@ -69,7 +69,7 @@ pub struct ServerSummary {
     pub lost: usize,
     /// The number of bodies that two nodes owned in the last audit.
     pub doubled: usize,
-    /// Says whether members did not answer the last audit in time, so that nobody knows what is lost or doubled.
+    /// Says whether members did not answer the last audit, or not in time, so that nobody knows what is lost or doubled.
     pub unaudited: bool,
     /// A hash of all movable bodies in id order, after the last tick of a world that ended by
     /// [`ServeConfig::last_tick`].
@@ -259,7 +259,6 @@ impl ServerProcess {
             savers: Vec::new(),
             drains: Vec::new(),
             end_by: None,
-            audited: false,
             over: false,
         };
         let thread = spawn(running, inputs)?;

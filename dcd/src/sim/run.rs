@@ -340,7 +340,7 @@ impl Sim {
                     self.note(|| format!("the world is saved after {}", saved.tick));
                     self.saved = Some(saved);
                 }
-                ServerOutput::Audited { .. }
+                ServerOutput::Audited(_)
                 | ServerOutput::Answered { .. }
                 | ServerOutput::Contacts(_)
                 | ServerOutput::Ended

@@ -33,6 +33,17 @@ const BELIEVED: Duration = Duration::from_secs(10);
 /// A complaint: the node that complains, and the node that it cannot reach.
 type Complaint = (NodeId, NodeId);
 
+/// What members own when the world is to end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Audit {
+    /// Bodies of the world that no node owns.
+    pub lost: Vec<BodyId>,
+    /// Bodies that more than one node owns.
+    pub doubled: Vec<BodyId>,
+    /// Says whether a group's members could not be asked, since none is heard of.
+    pub unanswered: bool,
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub id: GroupId,
@@ -82,8 +93,8 @@ pub(super) struct Group {
     pub held: bool,
     /// Says whether the world is to be saved. Members then say all that they own.
     pub saving: bool,
-    /// The lost and the doubled bodies, by the last survey of a world that ends.
-    pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
+    /// What the last survey of a world that ends has found.
+    pub audit: Option<Audit>,
     /// How often each member has come back in the present view change. Each return began the change anew.
     returns: BTreeMap<NodeId, u32>,
     /// The participants that are verified.
@@ -187,7 +198,9 @@ impl Group {
             // asked.
             return match self.view {
                 Some(_) if !self.held => self.begin_change(common),
-                _ => self.audit = Some((Vec::new(), Vec::new())),
+                // Nobody computes, or nobody who does is heard of.
+                None => self.audit = Some(Audit::default()),
+                Some(_) => self.audit = Some(Audit { unanswered: true, ..Audit::default() }),
             };
         }
         // Without a view, the record has all that there is to know. A group that is held has a view: its
@@ -440,7 +453,7 @@ impl Group {
             .filter(|id| !owners.contains_key(id) && !self.arriving.contains(id))
             .collect();
         let doubled = owners.iter().filter(|(_, count)| **count > 1).map(|(&id, _)| id).collect();
-        self.audit = Some((lost, doubled));
+        self.audit = Some(Audit { lost, doubled, unanswered: false });
     }
 
     /// Marks the group as held, as no member has a link. Members may be dead, or compute where they are not

@@ -382,13 +382,29 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     let region = server.common.config.world.tree.leaves().next().unwrap();
     let claim = |i| Claim { id: BodyId::persistent(i), epoch: Epoch(0), region };
     let outputs = answer(&mut server, (0..3).map(claim).collect());
-    assert!(
-        outputs.contains(&ServerOutput::Audited { lost: Vec::new(), doubled: Vec::new() }),
-        "{outputs:?}"
-    );
+    assert!(outputs.contains(&ServerOutput::Audited(Audit::default())), "{outputs:?}");
     assert_eq!(outputs.last(), Some(&ServerOutput::Ended));
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(server.poll_output(), None, "it ends once");
+}
+
+#[test]
+fn a_world_that_ends_when_its_last_node_is_not_heard_of_says_so() {
+    for (nodes, unanswered) in [(0, false), (1, true)] {
+        let mut server = server();
+        for node in 1..=nodes {
+            hello(&mut server, node, VERSION);
+            tell(&mut server, node, Message::ToServer(ToServer::Loaded));
+            assert!(server.view().is_some());
+            server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+            wait(&mut server);
+        }
+        server.handle(server.common.now, ServerEvent::Stop);
+        let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+        let found = Audit { unanswered, ..Audit::default() };
+        assert!(outputs.contains(&ServerOutput::Audited(found)), "{nodes} nodes: {outputs:?}");
+        assert_eq!(outputs.last(), Some(&ServerOutput::Ended));
+    }
 }
 
 /// Has a node say that it reaches another.

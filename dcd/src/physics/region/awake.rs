@@ -9,9 +9,6 @@ use serde::{Deserialize, Serialize};
 use super::{Ownership, Region};
 use crate::space::JointId;
 
-/// The depth, metres, from which on a sleeper does not just lie on another body.
-const DEEP_M: f32 = 0.02;
-
 /// The bodies that Rapier's list of active bodies does not have right, since they were woken or put to sleep between steps.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct ChangedSleep {
@@ -110,37 +107,6 @@ impl Region {
             }
         });
         touching.into_iter().for_each(|other| self.wake(other));
-    }
-
-    /// Wakes what sleeps where a body that is not dynamic has been put, or let touch it. Seen with Rapier 0.36.1: such a
-    /// sleeper wakes without that contact, and stays in the other body.
-    fn wake_what_is_hit(&mut self) {
-        let mut hit = Vec::new();
-        for handle in std::mem::take(&mut self.obstacles) {
-            let Some(body) = self.world.bodies.get(handle) else { continue };
-            if body.is_dynamic() || !body.is_enabled() {
-                continue;
-            }
-            let solid = body.colliders().iter().map(|&own| &self.world.colliders[own]);
-            for collider in solid.filter(|own| !own.is_sensor() && own.is_enabled()) {
-                let place = super::moved::place(body, collider);
-                let bounds = collider.shape().compute_aabb(&place);
-                let near = self.world.intersect_aabb_conservative(bounds, QueryFilter::only_dynamic());
-                let meets = |other: &Collider| {
-                    !other.is_sensor() && collider.collision_groups().test(other.collision_groups())
-                };
-                for (_, other) in near.filter(|(_, other)| meets(other)) {
-                    let sleeper = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
-                    let shapes = (collider.shape(), other.shape());
-                    let is_in = || {
-                        let met = parry3d::query::contact(&place, shapes.0, other.position(), shapes.1, 0.0);
-                        met.is_ok_and(|met| met.is_some_and(|met| met.dist < -DEEP_M))
-                    };
-                    hit.extend(sleeper.filter(|_| is_in()));
-                }
-            }
-        }
-        hit.into_iter().for_each(|handle| self.wake(handle));
     }
 
     fn is_among_awake(&self, handle: RigidBodyHandle) -> bool {
@@ -424,35 +390,6 @@ mod tests {
             (0..30).for_each(|_| world.step().unwrap());
             let after = world.pose(falls).unwrap().translation[1];
             assert!(before - after > 0.15, "by its shape: {by_shape}; {before} m, {after} m");
-        }
-    }
-
-    /// A wall or a platform is put into a box that sleeps, and gravity turns shortly before boxes fall asleep.
-    #[test]
-    fn a_sleeper_into_which_its_program_puts_a_body_is_pushed_out() {
-        use crate::protocol::WorldPose;
-        use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
-        for (kind, cut) in [
-            (RigidBodyType::Fixed, None),
-            (RigidBodyType::KinematicPositionBased, None),
-            (RigidBodyType::KinematicPositionBased, Some(0.3)),
-        ] {
-            let cuts = cut.map(|at| (Axis::X, at)).into_iter().collect();
-            let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
-            let mut world = LocalWorld::new(config).unwrap();
-            let cuboid = |x: f32, y: f32| ColliderBuilder::cuboid(x, y, x);
-            world.insert(RigidBodyBuilder::fixed().translation(-Vector::Y), cuboid(50.0, 1.0)).unwrap();
-            let at = |x: f32| Vector::new(x, 0.5, 0.0);
-            let sleeper =
-                world.insert(RigidBodyBuilder::dynamic().translation(at(0.0)), cuboid(0.5, 0.5)).unwrap();
-            let wall =
-                world.insert(RigidBodyBuilder::new(kind).translation(at(1.1)), cuboid(0.5, 0.5)).unwrap();
-            (0..200).for_each(|_| world.step().unwrap());
-            assert!(world.body(sleeper).unwrap().is_sleeping());
-            world.set_pose(wall, WorldPose::at([0.84, 0.5, 0.0])).unwrap();
-            (0..60).for_each(|_| world.step().unwrap());
-            let x = world.pose(sleeper).unwrap().translation[0];
-            assert!(x < -0.12, "{kind:?}, cut at {cut:?}: {x} m");
         }
     }
 

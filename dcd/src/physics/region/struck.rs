@@ -1,4 +1,4 @@
-//! Wakes sleepers in the tick in which something is about to strike them.
+//! Wakes sleepers in the tick in which something is about to strike them, or has been put into them.
 
 use parry3d::query::ShapeCastOptions;
 use rapier3d::prelude::*;
@@ -7,6 +7,8 @@ use super::{Ownership, Region, Slot};
 
 /// The way in a step, metres, from which on what moves may push sleepers into one another.
 const WAY_M: f32 = 0.005;
+/// The depth, metres, from which on a sleeper does not just lie on another body.
+const DEEP_M: f32 = 0.02;
 
 impl Region {
     /// Wakes what sleeps in the way that something goes in a step of `dt_s` seconds, before contacts are found. Seen with
@@ -19,10 +21,12 @@ impl Region {
         let is_immovable = |slot: &&Slot| slot.role == Ownership::Immovable;
         let count = || self.slots.iter().flatten().filter(is_immovable).count();
         let immovable = *self.immovable.get_or_insert_with(count);
-        // Rapier's list lacks what came since its last step, and what it does not step.
-        let is_awake = |body: &RigidBody| body.is_enabled() && !body.is_sleeping();
+        // Rapier's list lacks what came since its last step, and what it does not step; copies that were put back are on it.
+        let is_unlisted = |body: &RigidBody| {
+            body.is_enabled() && !body.is_sleeping() && body.effective_active_set_offset() == u32::MAX
+        };
         let came = self.turnover.born_awake.iter().filter_map(|handle| self.world.bodies.get(*handle));
-        let came = came.filter(|body| is_awake(body)).count();
+        let came = came.filter(|body| is_unlisted(body)).count();
         let awake = self.world.islands.num_active_bodies() + came + self.unstepped.len();
         if awake >= self.by_id.len() - immovable {
             return;
@@ -47,15 +51,9 @@ impl Region {
         let falls = Pose::from_translation((velocity - body.linvel()) * dt_s);
         let goes = falls * body.predict_position_using_velocity(dt_s) * body.position().inverse();
         let dispatcher = self.world.narrow_phase.query_dispatcher();
-        let solid = body.colliders().iter().map(|&own| &self.world.colliders[own]);
-        for collider in solid.filter(|own| !own.is_sensor() && own.is_enabled()) {
+        for collider in self.solid_colliders(body) {
             let start = super::moved::place(body, collider);
             let end = goes * start;
-            let meets = |other: &Collider| {
-                !other.is_sensor()
-                    && other.is_enabled()
-                    && collider.collision_groups().test(other.collision_groups())
-            };
             let is_struck = |other: &Collider| {
                 let at = other.position();
                 let options = ShapeCastOptions {
@@ -70,18 +68,68 @@ impl Region {
                 cast.is_ok_and(|hit| hit.is_some()) || turned().is_ok_and(|hit| hit.is_some())
             };
             let way = collider.shape().compute_swept_aabb(&start, &end).loosened(margin);
-            let near = self.world.intersect_aabb_conservative(way, QueryFilter::only_dynamic());
-            for (_, other) in near.filter(|(_, other)| meets(other)) {
-                let sleeper = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping());
-                struck.extend(sleeper.filter(|_| is_struck(other)));
-            }
+            let near = self.sleepers_near(collider, way);
+            struck.extend(near.filter(|(_, other)| is_struck(other)).map(|(sleeper, _)| sleeper));
         }
     }
+
+    /// Wakes what sleeps where a body that is not dynamic has been put, or let touch it. Seen with Rapier 0.36.1: such a
+    /// sleeper wakes without that contact, and stays in the other body.
+    pub(super) fn wake_what_is_hit(&mut self) {
+        let mut hit = Vec::new();
+        for handle in std::mem::take(&mut self.obstacles) {
+            let obstacle = self.world.bodies.get(handle);
+            let Some(body) = obstacle.filter(|body| !body.is_dynamic() && body.is_enabled()) else {
+                continue;
+            };
+            for collider in self.solid_colliders(body) {
+                let place = super::moved::place(body, collider);
+                let is_in = |other: &Collider| {
+                    let met = parry3d::query::contact(
+                        &place,
+                        collider.shape(),
+                        other.position(),
+                        other.shape(),
+                        0.0,
+                    );
+                    met.is_ok_and(|met| met.is_some_and(|met| met.dist < -DEEP_M))
+                };
+                let near = self.sleepers_near(collider, collider.shape().compute_aabb(&place));
+                hit.extend(near.filter(|(_, other)| is_in(other)).map(|(sleeper, _)| sleeper));
+            }
+        }
+        hit.into_iter().for_each(|handle| self.wake(handle));
+    }
+
+    fn solid_colliders<'a>(&'a self, body: &'a RigidBody) -> impl Iterator<Item = &'a Collider> {
+        let colliders = body.colliders().iter().map(|&own| &self.world.colliders[own]);
+        colliders.filter(|own| is_solid(own))
+    }
+
+    /// Returns the dynamic bodies that sleep within some bounds, each with a collider that may touch another one.
+    fn sleepers_near(
+        &self,
+        collider: &Collider,
+        bounds: Aabb,
+    ) -> impl Iterator<Item = (RigidBodyHandle, &Collider)> {
+        let groups = collider.collision_groups();
+        let near = self.world.intersect_aabb_conservative(bounds, QueryFilter::only_dynamic());
+        let near = near.filter(move |(_, other)| is_solid(other) && groups.test(other.collision_groups()));
+        near.filter_map(move |(_, other)| {
+            let sleeper = other.parent().filter(|parent| self.world.bodies[*parent].is_sleeping())?;
+            Some((sleeper, other))
+        })
+    }
+}
+
+fn is_solid(collider: &Collider) -> bool {
+    !collider.is_sensor() && collider.is_enabled()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::WorldPose;
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
 
@@ -154,5 +202,31 @@ mod tests {
         let (awake, asleep) = (overlap_beside_bar(false), overlap_beside_bar(true));
         assert!((0.001..0.03).contains(&awake), "it strikes: {awake} m");
         assert!(asleep < 1.2 * awake, "{asleep} m, awake {awake} m");
+    }
+
+    #[test]
+    fn a_sleeper_into_which_its_program_puts_a_body_is_pushed_out() {
+        for (kind, cut) in [
+            (RigidBodyType::Fixed, None),
+            (RigidBodyType::KinematicPositionBased, None),
+            (RigidBodyType::KinematicPositionBased, Some(0.3)),
+        ] {
+            let cuts = cut.map(|at| (Axis::X, at)).into_iter().collect();
+            let config = WorldConfig { partitioning: Partitioning::Cuts(cuts), ..WorldConfig::default() };
+            let mut world = LocalWorld::new(config).unwrap();
+            let cuboid = |x: f32, y: f32| ColliderBuilder::cuboid(x, y, x);
+            world.insert(RigidBodyBuilder::fixed().translation(-Vector::Y), cuboid(50.0, 1.0)).unwrap();
+            let at = |x: f32| Vector::new(x, 0.5, 0.0);
+            let sleeper =
+                world.insert(RigidBodyBuilder::dynamic().translation(at(0.0)), cuboid(0.5, 0.5)).unwrap();
+            let wall =
+                world.insert(RigidBodyBuilder::new(kind).translation(at(1.1)), cuboid(0.5, 0.5)).unwrap();
+            (0..200).for_each(|_| world.step().unwrap());
+            assert!(world.body(sleeper).unwrap().is_sleeping());
+            world.set_pose(wall, WorldPose::at([0.84, 0.5, 0.0])).unwrap();
+            (0..60).for_each(|_| world.step().unwrap());
+            let x = world.pose(sleeper).unwrap().translation[0];
+            assert!(x < -0.12, "{kind:?}, cut at {cut:?}: {x} m");
+        }
     }
 }

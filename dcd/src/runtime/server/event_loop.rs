@@ -64,7 +64,6 @@ pub(super) struct Loop {
     pub(super) drains: Vec<Drain>,
     /// The time at which the world ends even without an audit.
     pub(super) end_by: Option<Instant>,
-    pub(super) audited: bool,
     pub(super) over: bool,
 }
 
@@ -304,10 +303,10 @@ impl Loop {
                 ServerOutput::Held { tick, .. } => {
                     warn!(tick = tick.0, "no node is heard of; the world waits for one");
                 }
-                ServerOutput::Audited { lost, doubled } => {
-                    let mut state = self.shared.lock();
-                    (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
-                    self.audited = true;
+                ServerOutput::Audited(found) => {
+                    let summary = &mut self.shared.lock().summary;
+                    (summary.lost, summary.doubled) = (found.lost.len(), found.doubled.len());
+                    summary.unaudited = found.unanswered;
                 }
                 ServerOutput::Answered { number, found } => {
                     self.shared.lock().answers.insert(number, found);

@@ -174,6 +174,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let body = &region.physics().bodies[link.handle];
     let all_sleep = body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping);
     if shared.heard.is_empty() || all_sleep && !shared.displaced {
+        shared.led_awake &= !all_sleep;
         return;
     }
     let owner = shared.members.without(shared.warming).iter().next();
@@ -182,12 +183,21 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     let leap_m = region.leap_m(link.handle);
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
+    // Rapier lets the leader's copy fall asleep once all that touches it has been still for long enough. Another copy may
+    // never be: what holds it up is not there. But a region with something that the leader does not hold may know better.
+    let fell_asleep = |rank: &usize| {
+        let is_known = |copy: &CopyState| copy.sleeping || copy.held_by.contains(*rank);
+        copies().any(|(other, copy)| other == *rank && copy.sleeping)
+            && copies().all(|(_, copy)| is_known(copy))
+    };
+    let laid_by = region.slot(link.handle).led_by.filter(|_| shared.led_awake).filter(fell_asleep);
     // Contacts move only dynamic bodies; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
         let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, leap_m, tick_s));
-        (leads, seen, stopped_um, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
+        let lays = Some(rank) == laid_by;
+        (lays, leads, seen, stopped_um, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
         // A copy that has just come has yet to hear where it is.
@@ -208,6 +218,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         true => strike::bounded(&copy.velocity, &struck, velocities),
         false => struck,
     });
+    shared.led_awake = !copy.sleeping;
     region.slot_mut(link.handle).led_by = Some(rank);
     region.push(link.handle, Vector::ZERO, Vector::ZERO);
     region.restart_copy(link.handle);
@@ -217,8 +228,13 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
             let pose = convert::region_from_world(region.anchor(), &copy.pose);
             region.put_copy_back(link.handle, pose, copy.still_s);
         }
-        write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
-        region.set_still(link.handle, copy.still_s);
+        if laid_by.is_some() && struck.is_none() {
+            let pose = convert::region_from_world(region.anchor(), &copy.pose);
+            region.lay_copy(link.handle, pose, copy.still_s);
+        } else {
+            write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
+            region.set_still(link.handle, copy.still_s);
+        }
     }
 }
 

@@ -38,6 +38,8 @@ pub(super) struct Shared {
     /// Says whether the copy lies as it did when its owner found its contacts, and not where the body is; until the
     /// next exchange.
     pub displaced: bool,
+    /// Says whether the copy that the others follow was awake at the last exchange.
+    pub led_awake: bool,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which its island has included bodies of other regions.

@@ -101,6 +101,22 @@ impl Region {
         }
     }
 
+    /// Lays a copy to rest where the body has fallen asleep in the region that leads it. It sleeps after the next step,
+    /// unless something awake touches it.
+    pub(in crate::physics) fn lay_copy(&mut self, handle: RigidBodyHandle, pose: Pose, still_s: f32) {
+        if self.world.bodies[handle].is_sleeping() {
+            return;
+        }
+        if *self.world.bodies[handle].position() != pose {
+            self.put_copy(handle, pose);
+        }
+        let body = &mut self.world_mut().bodies[handle];
+        body.set_linvel(Vector::ZERO, false);
+        body.set_angvel(Vector::ZERO, false);
+        self.set_still(handle, still_s);
+        self.turnover.left.push(handle);
+    }
+
     /// Has a copy be still for as long as the body has been in the region that leads it, so that both fall asleep in the same
     /// tick: what Rapier takes for moved, or finds to move, would begin anew here.
     pub(in crate::physics) fn set_still(&mut self, handle: RigidBodyHandle, still_s: f32) {

@@ -33,7 +33,7 @@ const BELIEVED: Duration = Duration::from_secs(10);
 /// A complaint: the node that complains, and the node that it cannot reach.
 type Complaint = (NodeId, NodeId);
 
-/// What members own when the world is to end.
+/// The findings of an audit, which compares what members own with the record when the world is to end.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Audit {
     /// Bodies of the world that no node owns.
@@ -93,7 +93,7 @@ pub(super) struct Group {
     pub held: bool,
     /// Says whether the world is to be saved. Members then say all that they own.
     pub saving: bool,
-    /// What the last survey of a world that ends has found.
+    /// The findings of the last survey of a world that ends.
     pub audit: Option<Audit>,
     /// How often each member has come back in the present view change. Each return began the change anew.
     returns: BTreeMap<NodeId, u32>,

@@ -287,3 +287,31 @@ fn who_was_put_to_sleep_has_its_joint_when_it_is_struck() {
         assert!(apart_m < 0.01, "{regions} regions: the joint's ends are {apart_m} m apart");
     }
 }
+
+/// A region that holds only a part of a ring, and not what holds up its last domino, must not wake the rest.
+#[test]
+fn what_fell_across_a_border_falls_asleep_when_it_does_in_one_region() {
+    let asleep_after = |dominoes, regions| {
+        let params = Params::new().with("n", dominoes).with("starts", 4);
+        let scene = Scene::named("domino_ring", &params).unwrap();
+        let partitioning = Partitioning::Regions(regions);
+        let config = WorldConfig { partitioning, ..WorldConfig::default() };
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
+        let bodies = movable(&world);
+        let sleeps = |world: &LocalWorld| bodies.iter().all(|&id| world.body(id).unwrap().is_sleeping());
+        (1..600u32).find(|_| {
+            steps(&mut world, 1);
+            sleeps(&world)
+        })
+    };
+    for dominoes in [80, 90] {
+        let one = asleep_after(dominoes, 1).unwrap();
+        for regions in [2, 4] {
+            let several = asleep_after(dominoes, regions).unwrap_or(600);
+            assert!(
+                several.abs_diff(one) <= 10,
+                "{dominoes} dominoes, {regions} regions: {several}, {one} in one"
+            );
+        }
+    }
+}

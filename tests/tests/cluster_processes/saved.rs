@@ -37,8 +37,9 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     let (_, node) = other.node();
     let watcher = other.witness();
     watcher.advance(10);
-    drop((watcher, node));
+    drop(watcher);
     let summary = other.stop();
+    drop(node);
     assert!(summary["bodies"].as_u64() > Some(20), "{summary}");
 
     let gone = on(&server, "restore", Path::new("nothing.dcd"));
@@ -57,7 +58,7 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     assert!(own.code() == Some(2) && own.errors.contains("must not replace"), "{own:?}");
     let nowhere = on(&server, "save", &server.folder.path().join("no/folder/x.dcd"));
     assert!(nowhere.code() == Some(2) && nowhere.errors.contains("x.dcd"), "{nowhere:?}");
-    drop((witness, nodes));
+    drop(witness);
     let left: Vec<_> =
         std::fs::read_dir(server.data()).unwrap().map(|file| file.unwrap().file_name()).collect();
     let is_left = |name: &std::ffi::OsString| {
@@ -66,6 +67,7 @@ fn an_operator_saves_a_running_world_goes_back_to_it_and_serves_it_elsewhere() {
     };
     assert!(!left.iter().any(is_left), "{left:?}");
     server.end_world();
+    drop(nodes);
     let dead = on(&server, "save", &file);
     assert!(dead.code() == Some(2) && dead.errors.contains("no server runs"), "{dead:?}");
     let ordered = Process::start(dcd(&["serve", "--regions", "2"]).arg(&file)).end();

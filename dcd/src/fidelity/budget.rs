@@ -17,8 +17,8 @@ const WORTH_CHANGING: f64 = 1.1;
 pub(super) struct Load {
     /// Says whether somebody looks at one of its regions.
     pub watched: bool,
-    /// The most ticks that one of its steps may have.
-    pub longest: u8,
+    /// Says whether it must be stepped in every tick.
+    pub urgent: bool,
     /// The distance of the nearest viewpoint from the group, metres.
     pub far_m: f64,
     /// The time that a step of one tick takes in full, milliseconds.
@@ -43,7 +43,7 @@ const RATES: [u8; 2] = [2, COARSEST];
 /// with which ticks take no longer on average, if that is possible. The farthest groups are made coarser
 /// first. The present paces stay while they serve, since a group whose turn changes is stepped once more.
 pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
-    let present: Vec<_> = loads.iter().map(|load| load.pace.rate.min(load.longest)).collect();
+    let present: Vec<_> = loads.iter().map(|load| if load.urgent { 1 } else { load.pace.rate }).collect();
     let serves = |takes_ms: f64, rates: &[u8]| {
         let is_coarser = |group: usize| loads[group].watched && present[group] > rates[group];
         takes_ms <= goal_ms
@@ -84,14 +84,13 @@ fn in_turn(loads: &[Load], rates: &[u8], present: &[u8], most_ms: f64) -> Vec<Pa
 
 /// Returns the groups that may become coarser, with the rates to which they do, in order.
 fn moves(loads: &[Load], fits: impl Fn(&Load, u8) -> bool) -> Vec<(usize, u8)> {
-    let mut order: Vec<_> = (0..loads.len()).collect();
+    let mut order: Vec<_> = (0..loads.len()).filter(|&group| !loads[group].urgent).collect();
     order.sort_by(|&a, &b| loads[b].far_m.total_cmp(&loads[a].far_m).then(a.cmp(&b)));
     let mut moves = Vec::new();
     for watched in [false, true] {
         for rate in RATES {
             let coarser = order.iter().filter(|&&group| loads[group].watched == watched);
-            let may = |&&group: &&usize| rate <= loads[group].longest && fits(&loads[group], rate);
-            moves.extend(coarser.filter(may).map(|&group| (group, rate)));
+            moves.extend(coarser.filter(|&&group| fits(&loads[group], rate)).map(|&group| (group, rate)));
         }
     }
     moves

@@ -249,9 +249,8 @@ impl Governor {
             // If all rest, nothing is stepped, and the paces that were chosen stand.
             let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
             let pace = busy.or(members().map(pace).min_by_key(|pace| pace.rate));
-            let longest = members().map(|state| state.longest).min().unwrap_or(1);
-            let Pace { rate, turn } = pace.unwrap_or(Pace::FULL);
-            let rate = rate.min(longest);
+            let is_urgent = members().any(|state| state.urgent);
+            let Pace { rate, turn } = pace.filter(|_| !is_urgent).unwrap_or(Pace::FULL);
             let steps: f64 = members().map(|state| f64::from(state.awake)).sum();
             (saved, awake) = (saved + steps * (1.0 - 1.0 / f64::from(rate)), awake + steps);
             let rate = if lags { rate } else { 1 };
@@ -357,7 +356,7 @@ impl Governor {
                 is_due |= is_budget;
             }
             // Others must make room at once for what is stepped more often than planned.
-            is_due |= is_budget && region.state.longest < memory.pace.rate;
+            is_due |= is_budget && region.state.urgent && !memory.is_full();
         }
         if is_due {
             match self.fidelity {
@@ -449,7 +448,7 @@ impl Governor {
         let memory = |region: &Governed<'_>| &self.regions[&region.state.region];
         Some(Load {
             watched: members().any(|region| memory(region).watched),
-            longest: members().map(|region| region.state.longest).min()?,
+            urgent: members().any(|region| region.state.urgent),
             pace: members().map(|region| memory(region).pace).min_by_key(|pace| pace.rate)?,
             far_m: members().map(far_m).fold(f64::INFINITY, f64::min),
             step_ms: own.map(|region| f64::from(region.state.step_ms)).sum(),

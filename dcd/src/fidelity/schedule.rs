@@ -72,9 +72,9 @@ pub struct RegionState {
     pub behind: u8,
     /// Says whether nothing in it can change by itself, so that it is the same at any time.
     pub rests: bool,
-    /// The most ticks that its next step may have, 1, 2 or [`COARSEST`], whatever its pace: a longer one would be
+    /// Says whether it must be stepped in the next tick, whatever its pace: a step of several ticks would be
     /// wrong there, or bodies inserted there wait to be told to regions that it is not at one time with.
-    pub longest: u8,
+    pub urgent: bool,
     /// The regions, by rank, that must be at one time with it, since it shares bodies with them or is about
     /// to.
     pub bound: RegionSet,
@@ -110,7 +110,7 @@ impl RegionState {
             region,
             behind: 0,
             rests: false,
-            longest: 1,
+            urgent: true,
             bound: RegionSet::EMPTY,
             awake: 0,
             step_ms: 0.0,

@@ -150,7 +150,7 @@ impl Scheduling {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fidelity::{Audited, COARSEST};
+    use crate::fidelity::Audited;
     use crate::protocol::{Member, Push, ViewNumber};
     use crate::sim::sim_world;
     use crate::space::GroupId;
@@ -178,7 +178,7 @@ mod tests {
     /// Has both members tell the states of their regions after a tick, and chooses for a tick.
     fn tick(scheduling: &mut Scheduling, tick: u64, of: impl Fn(RegionState) -> RegionState) -> Schedule {
         for (region, node) in scheduling.allocation.clone() {
-            let state = RegionState { longest: COARSEST, awake: 1_000, ..RegionState::unknown(region) };
+            let state = RegionState { urgent: false, awake: 1_000, ..RegionState::unknown(region) };
             scheduling.hear(node, Duration::from_millis(1), vec![of(state)]);
         }
         scheduling.schedule(Tick(tick), Some(&BTreeMap::new()), std::iter::empty())
@@ -195,7 +195,7 @@ mod tests {
             scheduling.hear(
                 HONEST,
                 Duration::ZERO,
-                vec![RegionState { longest: COARSEST, ..RegionState::unknown(one) }],
+                vec![RegionState { urgent: false, ..RegionState::unknown(one) }],
             );
             let behind = scheduling.schedule(Tick(at), Some(&BTreeMap::new()), std::iter::empty()).behind;
             assert!(!behind.contains(&other));

@@ -358,7 +358,7 @@ impl RegionHost {
     /// Returns the state of each region computed here after the last tick, in rank order.
     pub(crate) fn region_states(&self) -> Vec<RegionState> {
         // Nothing stays behind if nobody looks ahead for that.
-        let may_lag = self.coarsest() > 1;
+        let (may_lag, longest_s) = (self.coarsest() > 1, self.settings.dt_s * f32::from(COARSEST));
         let state = |side: &Side| {
             let Side { region, clock, .. } = side;
             let rests = side.is_idle();
@@ -368,11 +368,10 @@ impl RegionHost {
                 region: region.id(),
                 behind: clock.owed,
                 rests,
-                longest: match () {
-                    () if side.is_awaited() || region.is_attended() => 1,
-                    () if may_lag => region.longest_step(clock.owed, self.settings.dt_s),
-                    () => COARSEST,
-                },
+                // A region that is behind is as it was when that was found to be safe.
+                urgent: side.is_awaited()
+                    || region.is_attended()
+                    || may_lag && clock.owed == 0 && region.is_rushed(longest_s),
                 bound: side.bound_to(),
                 awake: region.physics().islands.num_active_bodies() as u32,
                 // A region at rest is not stepped, so it does not spend the time of its last steps.

@@ -1,4 +1,4 @@
-//! Tells how many ticks a region's next step may have. A longer one would count what its user
+//! Tells whether a region must be stepped in every tick for now. A step of several ticks would count what its user
 //! has just changed for too many ticks, end inside of what a fast body flies at, leave behind whoever rides on
 //! what moves, pass by a sensor, or tell a hit's force as if it had lasted for all of the step.
 
@@ -8,11 +8,9 @@ use rapier3d::prelude::*;
 use super::Region;
 use super::moved::place;
 use super::refine::FORESEEN_M;
-use crate::fidelity::{ATTENDED_TICKS, COARSEST};
+use crate::fidelity::ATTENDED_TICKS;
 use crate::protocol::{BodyTraits, ColliderRecord};
 
-/// The lengths of steps that are more than a tick, ticks, the longest first. Each is twice the next.
-const LENGTHS: [u8; 2] = [COARSEST, 2];
 /// The distance, metres, up to which a character near a kinematic body that moves is taken for its rider.
 const RIDER_GAP_M: f32 = 0.5;
 /// The margin, metres, by which the boxes of fast bodies are grown: forces bend their way, and copies of shared
@@ -53,22 +51,10 @@ impl Region {
         self.attended = 0;
     }
 
-    /// Returns the most ticks that a step may have from when the region is up to, of which `owed` ticks have passed: the
-    /// most with which the step is not [rushed](Region::is_rushed).
-    pub(in crate::physics) fn longest_step(&self, owed: u8, dt_s: f32) -> u8 {
-        // It is as it was when a step of at least one tick more than these was found to be safe.
-        let doubtful = LENGTHS.into_iter().filter(|ticks| *ticks > 2 * owed);
-        let rushed = doubtful.take_while(|ticks| self.is_rushed(dt_s * f32::from(*ticks)));
-        match rushed.last() {
-            None => COARSEST,
-            Some(ticks) => ticks / 2,
-        }
-    }
-
     /// Returns whether a step of this length could miss a contact, lose a rider, or tell a meeting wrong: a body that
     /// goes farther in it than it foresees ([`Region::foresee`]) may come to another one, a character is near a kinematic
     /// body that moves, a vehicle drives, or a body may come to a sensor or to something whose hits are noted.
-    fn is_rushed(&self, step_s: f32) -> bool {
+    pub(in crate::physics) fn is_rushed(&self, step_s: f32) -> bool {
         let has_riders = !self.characters.is_empty() && self.has_kinematic();
         let has_drivers = !self.vehicles.is_empty();
         self.awake().any(|handle| {
@@ -203,9 +189,9 @@ mod tests {
         LocalWorld::new(config).unwrap()
     }
 
-    /// Returns how many ticks a step of the only region may have.
-    fn longest(world: &LocalWorld) -> u8 {
-        world.regions().map(|region| region.longest_step(0, 1.0 / 60.0)).min().unwrap()
+    /// Returns whether a step of four ticks would be rushed.
+    fn is_rushed(world: &LocalWorld) -> bool {
+        world.regions().any(|region| region.is_rushed(4.0 / 60.0))
     }
 
     #[test]
@@ -213,21 +199,19 @@ mod tests {
         let mut world = empty();
         let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
         world.insert(ground, ColliderBuilder::cuboid(50.0, 0.5, 50.0)).unwrap();
-        for (height_m, velocity, ticks) in [
-            (1.5, [0.0, -20.0, 0.0], 2),
-            (1.5, [0.0, -40.0, 0.0], 1),
-            (2.5, [0.0, -40.0, 0.0], 2),
-            (3.5, [0.0, -20.0, 0.0], 4),
-            (1.5, [0.0, -14.0, 0.0], 4),
-            (1.5, [0.0, 20.0, 0.0], 4),
-            (1.5, [20.0, 0.0, 0.0], 4),
-            (1.5, [30.0, -18.0, 0.0], 2),
+        for (height_m, velocity, is_fast) in [
+            (1.5, [0.0, -20.0, 0.0], true),
+            (3.5, [0.0, -20.0, 0.0], false),
+            (1.5, [0.0, -14.0, 0.0], false),
+            (1.5, [0.0, 20.0, 0.0], false),
+            (1.5, [20.0, 0.0, 0.0], false),
+            (1.5, [30.0, -18.0, 0.0], true),
         ] {
             let cube = RigidBodyBuilder::dynamic().translation(Vector::Y * height_m);
             let cube = world.insert(cube, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
             world.step().unwrap();
             world.set_velocity(cube, Velocity::linear(velocity)).unwrap();
-            assert_eq!(longest(&world), ticks, "{velocity:?} m/s at {height_m} m");
+            assert_eq!(is_rushed(&world), is_fast, "{velocity:?} m/s at {height_m} m");
             world.remove(cube).unwrap();
         }
         // The ways of two cross.
@@ -237,7 +221,7 @@ mod tests {
             world.step().unwrap();
             world.set_velocity(cube, Velocity::linear(to)).unwrap();
         }
-        assert_eq!(longest(&world), 2);
+        assert!(is_rushed(&world));
     }
 
     #[test]
@@ -250,12 +234,12 @@ mod tests {
         let at = WorldPose::at([0.0, 0.92, 0.0]);
         let rider = world.insert_as(Some(Controller::Character(&character)), at, &body, &capsule).unwrap();
         world.step().unwrap();
-        assert_eq!(longest(&world), 4, "nothing moves");
+        assert!(!is_rushed(&world), "nothing moves");
         world.set_velocity(platform, Velocity::linear([0.5, 0.0, 0.0])).unwrap();
         world.step().unwrap();
-        assert_eq!(longest(&world), 1);
+        assert!(is_rushed(&world));
         world.set_pose(rider, WorldPose::at([0.0, 9.0, 0.0])).unwrap();
         world.step().unwrap();
-        assert_eq!(longest(&world), 4, "the character is elsewhere");
+        assert!(!is_rushed(&world), "the character is elsewhere");
     }
 }

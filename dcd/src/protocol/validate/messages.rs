@@ -165,7 +165,6 @@ impl Check for FidelityReport {
 impl Check for RegionState {
     fn check(&self) -> Result<(), Invalid> {
         must(self.behind < COARSEST, "region.behind", "less than 4 ticks")?;
-        must(matches!(self.longest, 1 | 2 | COARSEST), "region.longest", "1, 2 or 4 ticks")?;
         let Signals { overlap_m, spin_rad_s } = self.signals;
         not_negative(&[overlap_m, spin_rad_s], "region.signals")?;
         let may_be = |v: f32| (0.0..=MOST_MS).contains(&v);

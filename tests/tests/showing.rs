@@ -29,31 +29,31 @@ fn behind(frames: &[Frame]) -> f64 {
     frames.iter().map(|frame| frame.time.now - frame.time.shown).fold(0.0, f64::max) * 1e3 / 60.0
 }
 
-/// Shows a gas of balls and cubes for three seconds over this network, and checks that it is within this many
-/// millimetres of the truth.
+/// Shows a gas of balls and cubes for six seconds over this network, and checks that it is within this many
+/// millimetres of the truth for three seconds on end: the machine itself may delay the others.
 fn is_shown_well(weather: Weather, error_mm: f64, behind_ms: f64) {
     let mut stage = Stage::of(gas(), weather);
     stage.wait_ticks(120);
-    let mut frames = stage.show(180);
-    // The machine itself may delay a run, so there is a second attempt.
-    if !goes_on(&frames) || behind(&frames) >= behind_ms {
-        frames = stage.show(180);
-    }
-    assert!(goes_on(&frames), "time goes on in every frame");
-    let behind = behind(&frames);
+    let frames = stage.show(360);
     drop((stage.client, stage.node, stage.server, stage.proxy));
     let truth = Truth::of(stage.local, &frames).unwrap();
-    let ((errors, jumps), (told, _)) = (truth.shown(&frames), truth.told(&frames));
-    println!(
-        "shown {:.2} mm off (p99), at most {behind:.0} ms behind, jumps of {:.2} mm; as told {:.0} mm off",
-        1e3 * errors.at(0.99),
-        1e3 * jumps.at(0.99),
-        1e3 * told.at(0.99)
-    );
-    assert!(1e3 * errors.at(0.99) < error_mm, "{}", errors.at(0.99));
-    assert!(1e3 * jumps.at(0.99) < error_mm, "{}", jumps.at(0.99));
-    assert!(told.at(0.99) > 4.0 * errors.at(0.99), "the newest states, as they come, are far from it");
-    assert!(behind < behind_ms, "{behind}");
+    let halves = frames.chunks(180).map(|frames| {
+        let ((errors, jumps), (told, _)) = (truth.shown(frames), truth.told(frames));
+        let shown = (1e3 * errors.at(0.99), 1e3 * jumps.at(0.99), 1e3 * told.at(0.99));
+        let (goes_on, behind) = (goes_on(frames), behind(frames));
+        println!(
+            "shown {:.2} mm off (p99), at most {behind:.0} ms behind, jumps of {:.2} mm; as told {:.0} mm off",
+            shown.0, shown.1, shown.2
+        );
+        (goes_on, behind, shown)
+    });
+    let is_well = |&(goes_on, behind, (error, jump, told)): &(bool, f64, (f64, f64, f64))| {
+        let is_near = error < error_mm && jump < error_mm;
+        // The newest states, as they come, are far from it.
+        goes_on && behind < behind_ms && is_near && told > 4.0 * error
+    };
+    let halves: Vec<_> = halves.collect();
+    assert!(halves.iter().any(is_well), "{halves:?}");
 }
 
 #[test]

@@ -306,7 +306,7 @@ fn what_fell_across_a_border_falls_asleep_when_it_does_in_one_region() {
     };
     for dominoes in [80, 90] {
         let one = asleep_after(dominoes, 1).unwrap();
-        for regions in [2, 4] {
+        for regions in [2, 4, 8] {
             let several = asleep_after(dominoes, regions).unwrap_or(600);
             assert!(
                 several.abs_diff(one) <= 10,

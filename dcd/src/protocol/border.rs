@@ -65,6 +65,9 @@ pub struct CopyState {
     pub held_by: RegionSet,
     /// Says whether anything in that island touches something that no contact moves.
     pub grounded: bool,
+    /// The regions in which the body may sleep although this copy is awake: those that hold all that touches it here and is
+    /// not at rest. None if the copy has not been still for long enough.
+    pub rests_with: RegionSet,
 }
 
 /// An impulse that a copy got since the last exchange from a body that is not held by the same regions, or
@@ -275,7 +278,7 @@ impl BorderMessage {
         let visitors = self.nearby.iter().map(|nearby| nearby.visitors);
         let goes = self.nearby.iter().flat_map(|nearby| &nearby.bodies).map(|nearby| nearby.goes);
         let strikes = self.strikes.iter().map(|strike| strike.held_by);
-        let copies = self.copies.iter().map(|copy| copy.held_by);
+        let copies = self.copies.iter().flat_map(|copy| [copy.held_by, copy.rests_with]);
         let sets = transfers.chain(members).chain(visitors).chain(goes).chain(strikes).chain(copies);
         sets.fold(RegionSet::EMPTY, RegionSet::union).iter().all(|rank| rank < regions)
             && self.members.iter().all(|member| usize::from(member.owner) < regions)

@@ -23,7 +23,7 @@ use crate::space::ClientId;
 
 /// The version of the protocol. It grows with every change of the message set. Peers of different versions
 /// refuse each other.
-pub const VERSION: u32 = 40;
+pub const VERSION: u32 = 41;
 
 /// The longest message in bytes. A single shape (a height field of 2,000 × 2,000) needs most. A longer
 /// message is refused before it is sent (`ShapeRecord::can_travel`).

@@ -186,11 +186,14 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     // Rapier lets the leader's copy fall asleep once all that touches it has been still for long enough. Another copy may
     // never be: what holds it up is not there. But a region with something that the leader does not hold may know better.
     let fell_asleep = |rank: &usize| {
-        let is_known = |copy: &CopyState| copy.sleeping || copy.held_by.contains(*rank);
+        let is_known = |copy: &CopyState| {
+            let holds_all = shared.led_awake && copy.held_by.contains(*rank);
+            copy.sleeping || holds_all || copy.rests_with.contains(*rank)
+        };
         copies().any(|(other, copy)| other == *rank && copy.sleeping)
             && copies().all(|(_, copy)| is_known(copy))
     };
-    let laid_by = region.slot(link.handle).led_by.filter(|_| shared.led_awake).filter(fell_asleep);
+    let laid_by = region.slot(link.handle).led_by.filter(fell_asleep);
     // Contacts move only dynamic bodies; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
@@ -236,6 +239,30 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
             region.set_still(link.handle, copy.still_s);
         }
     }
+}
+
+/// Returns the regions in which a whole body may sleep although its copy here is awake ([`CopyState::rests_with`]). What
+/// they do not hold and hardly moves is no reason to be awake: it moves because what it leans on lacks a support here.
+pub(super) fn rests_with(region: &Region, handle: RigidBodyHandle, shared: &Shared) -> RegionSet {
+    let bodies = &region.physics().bodies;
+    let is_ready = |body: &RigidBody| {
+        let activation = body.activation();
+        body.is_dynamic() && activation.time_since_can_sleep >= activation.time_until_sleep
+    };
+    if shared.is_split() || !is_ready(&bodies[handle]) {
+        return RegionSet::EMPTY;
+    }
+    let rests = |body: &RigidBody| {
+        let is_still = body.activation().time_since_can_sleep > 0.0;
+        body.is_sleeping() || if body.is_dynamic() { is_still } else { !body.is_moving() }
+    };
+    let mut regions = shared.members.without(RegionSet::only(region.rank()));
+    region.for_each_contact(handle, |other, touches| {
+        if touches && !rests(&bodies[other]) {
+            regions = regions.intersection(region.slot(other).holders);
+        }
+    });
+    regions
 }
 
 /// Returns the mean pose and velocity of copies: the arithmetic mean of positions and velocities, and the

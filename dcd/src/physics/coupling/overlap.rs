@@ -112,6 +112,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let grounded = islands.is_grounded(link.handle);
+    let rests_with = consensus::rests_with(region, link.handle, shared);
     let mut copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
     // A displaced copy is not where the body is: no region may use it.
     copy.sound &= !shared.displaced;
@@ -120,7 +121,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         true => strike::counted(region, link.handle, &dealt, &copy.velocity),
         false => copy.velocity,
     };
-    shared.own = CopyState { velocity, part, seen, size, island, held_by, grounded, ..copy };
+    shared.own = CopyState { velocity, part, seen, size, island, held_by, grounded, rests_with, ..copy };
     let hearers = match role {
         Ownership::Ghost { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)

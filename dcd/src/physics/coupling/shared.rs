@@ -74,9 +74,11 @@ impl Shared {
     /// Translates all ranks.
     fn remap_ranks(&mut self, ranks: &RankRemap) {
         (self.members, self.warming) = (ranks.set(self.members), ranks.set(self.warming));
-        self.own.held_by = ranks.set(self.own.held_by);
-        for (rank, copy) in &mut self.heard {
-            (*rank, copy.held_by) = (ranks.rank(*rank), ranks.set(copy.held_by));
+        for copy in self.heard.iter_mut().map(|(_, copy)| copy).chain([&mut self.own]) {
+            (copy.held_by, copy.rests_with) = (ranks.set(copy.held_by), ranks.set(copy.rests_with));
+        }
+        for (rank, _) in &mut self.heard {
+            *rank = ranks.rank(*rank);
         }
         if let Some(strike) = &mut self.owed {
             strike.held_by = ranks.set(strike.held_by);

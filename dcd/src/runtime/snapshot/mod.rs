@@ -32,7 +32,7 @@ pub use checkpoint::Checkpoint;
 pub use error::SnapshotError;
 
 /// The format number. It grows with every change of what is saved, including the order of fields.
-const FORMAT: u32 = 30;
+const FORMAT: u32 = 31;
 
 impl LocalWorld {
     /// Writes the whole world. [`LocalWorld::restore`] returns a world that goes on from here to the same

@@ -62,10 +62,10 @@ impl Bounds {
     #[must_use]
     pub(crate) fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
         let way_m = velocity_m_s.map(|v| f64::from(v) * ahead_s);
-        self.union(&Self {
-            min: std::array::from_fn(|i| self.min[i] + way_m[i]),
-            max: std::array::from_fn(|i| self.max[i] + way_m[i]),
-        })
+        Self {
+            min: std::array::from_fn(|i| self.min[i] + way_m[i].min(0.0)),
+            max: std::array::from_fn(|i| self.max[i] + way_m[i].max(0.0)),
+        }
     }
 
     /// Returns the smallest box that holds both boxes.

@@ -258,20 +258,24 @@ impl Whole {
             taken.get(next).is_none_or(|&(low, _)| at <= low)
         };
         let clamped = |at: f64| at.clamp(range.0, range.1);
-        let (mut below, mut highest, mut crossed, mut cuts) = (0.0, f64::NEG_INFINITY, false, Vec::new());
+        let (mut below, mut highest, mut cuts) = (0.0, f64::NEG_INFINITY, Vec::new());
         for (place, &(_, high, weight)) in line.iter().enumerate() {
             (below, highest) = (below + weight, high.max(highest));
             let above = lowest_above[place + 1];
             let at = if above.is_finite() { 0.5 * (highest + above) } else { highest };
-            if below >= wanted && !std::mem::replace(&mut crossed, below >= wanted) && is_clear(clamped(at)) {
-                return Some(clamped(at));
-            }
             cuts.push((at, below));
         }
-        // A whole island lies where the cut should be. Cut as near to that as possible, or beside everything.
         cuts.pop();
+        let miss = |&(_, below): &(f64, f64)| (below - wanted).abs();
+        // Each side keeps something, however small its part: a region without work would never show that its
+        // node is faster by now.
+        let nearest = cuts.iter().rev().min_by(|a, b| miss(a).total_cmp(&miss(b)));
+        if let Some(&(at, _)) = nearest.filter(|(at, _)| is_clear(clamped(*at))) {
+            return Some(clamped(at));
+        }
+        // A whole island lies where the cut should be. Cut as near to that as possible, or beside everything.
         cuts.extend([(lowest_above[0] - edge_m, 0.0), (highest + edge_m, below)]);
-        let cuts = cuts.into_iter().map(|(at, below)| (clamped(at), (below - wanted).abs()));
+        let cuts = cuts.into_iter().map(|cut| (clamped(cut.0), miss(&cut)));
         let clear = cuts.filter(|(at, _)| is_clear(*at));
         clear.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
@@ -619,6 +623,22 @@ mod tests {
         applied(&mut tree, &changes);
         assert_eq!(loads(&tree, &crowd), [400, 400, 100, 400]);
         assert_eq!(loads_of(&tree), []);
+    }
+
+    #[test]
+    fn a_slow_region_has_the_number_of_bodies_nearest_to_its_part_and_never_none() {
+        let (crowd, settings) = (crowd(0.0, 1000.0, 32), Balance::keeping(2));
+        for (speed, expected) in [(0.036, 1), (0.06, 2), (0.001, 1)] {
+            for slow in 0..2 {
+                let mut tree = road(2);
+                let slow_leaf = tree.leaves().nth(slow).unwrap();
+                let capacity = |leaf| if leaf == slow_leaf { speed } else { 1.0 - speed };
+                let of = Loads { tree: &tree, burdens: &crowd, islands: &[], capacity: &capacity };
+                let changes = plan(&of, &settings);
+                applied(&mut tree, &changes);
+                assert_eq!(loads(&tree, &crowd)[slow], expected, "at speed {speed}, region {slow}");
+            }
+        }
     }
 
     #[test]
